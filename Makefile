@@ -1,0 +1,41 @@
+# Two commands do all set-up: `make run` and `make test`.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: run test check unit bench soak clean
+
+run: $(VENV)/run.stamp
+	$(BIN)/sphmctl run configs/paths/octagon.yaml --dry-run
+
+test: $(VENV)/dev.stamp
+	tools/apt.sh
+	$(MAKE) --no-print-directory check unit
+
+check: $(VENV)/dev.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+unit: $(VENV)/dev.stamp
+	$(BIN)/pytest -n auto --cov --cov-report=term
+
+# Each figure beside its reference, in one run; minutes, so not part of `test`.
+bench: $(VENV)/dev.stamp
+	$(BIN)/python tools/bench/all.py
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/run.stamp: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(VENV)/dev.stamp: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .coverage .import_linter_cache

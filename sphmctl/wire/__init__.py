@@ -1,0 +1,1 @@
+"""Sans-I/O codecs of the two protocols: bytes in, values out, and back."""

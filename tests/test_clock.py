@@ -1,0 +1,76 @@
+"""The precise loop and the virtual loop."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+
+import pytest
+
+from sphmctl import clock
+
+
+def test_virtual_time_jumps_to_the_next_timer_without_waiting() -> None:
+    async def main() -> float:
+        loop = asyncio.get_running_loop()
+        begin = loop.time()
+        await asyncio.sleep(3600.0)
+        return loop.time() - begin
+
+    begin_s = time.monotonic()
+    assert clock.run(main(), virtual=True) == pytest.approx(3600.0, abs=1e-6)
+    assert time.monotonic() - begin_s < 60.0
+
+
+def test_timers_fire_in_the_order_of_their_instants() -> None:
+    async def main() -> list[float]:
+        loop = asyncio.get_running_loop()
+        fired: list[float] = []
+        for delay in (0.3, 0.1, 0.2):
+            loop.call_later(delay, fired.append, delay)
+        await asyncio.sleep(1.0)
+        return fired
+
+    assert clock.run(main(), virtual=True) == [0.1, 0.2, 0.3]
+
+
+def test_a_deadlock_is_an_error_and_not_a_hang() -> None:
+    async def main() -> None:
+        await asyncio.get_running_loop().create_future()
+
+    with pytest.raises(RuntimeError, match="nothing is scheduled"):
+        clock.run(main(), virtual=True)
+
+
+def test_a_time_limit_ends_a_wait_on_virtual_time() -> None:
+    async def main() -> None:
+        async with asyncio.timeout(5.0):
+            await asyncio.sleep(10.0)
+
+    with pytest.raises(TimeoutError):
+        clock.run(main(), virtual=True)
+
+
+def test_the_precise_loop_is_never_early_and_still_serves_files() -> None:
+    async def main() -> bytes:
+        loop = asyncio.get_running_loop()
+        reader, writer = os.pipe()
+        got: asyncio.Future[bytes] = loop.create_future()
+
+        def take() -> None:
+            loop.remove_reader(reader)
+            got.set_result(os.read(reader, 100))
+
+        loop.add_reader(reader, take)
+        loop.call_later(0.003, os.write, writer, b"now")
+        for delay_s in (0.0001, 0.0015, 0.02):
+            begin = loop.time()
+            await asyncio.sleep(delay_s)
+            assert loop.time() - begin >= delay_s - 1e-6
+        result = await got
+        os.close(reader)
+        os.close(writer)
+        return result
+
+    assert clock.run(main()) == b"now"
