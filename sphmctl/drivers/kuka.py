@@ -1,0 +1,218 @@
+"""The arm: the daemon's end of firmware/krc/INTERFACE.md over a KVP client.
+
+Angles are radians here and degrees on the wire. Knows knots, not plans.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphmctl.drivers import krc_interface as krc
+from sphmctl.drivers.controller_clock import ControllerClock
+from sphmctl.drivers.kvp_client import KvpClient
+from sphmctl.errors import DeviceError
+from sphmctl.motion import Floats
+from sphmctl.wire import krl
+
+SESSION_TIMEOUT_S = 1.0
+"""The program takes a session in its next cycle, 24 ms after the write in the median."""
+
+SESSION_LIMIT = 1_000_000_000
+"""Session numbers stay below this; a KRL INT ends at 2,147,483,647."""
+
+PROGRAM = "SPH_RUN"
+
+
+@dataclass(frozen=True)
+class ArmIdentity:
+    """Which robot this is, and whether its program could move it."""
+
+    model: str
+    serial: str
+    program: str
+    program_state: str
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """One cycle of the controller, as SPH_STATE gives it.
+
+    Attributes:
+        joints: A1..A6, rad, shape (6,).
+        at_s: host time of the cycle.
+    """
+
+    version: int
+    session: int
+    status: krc.Status
+    fault: krc.Fault
+    taken: int
+    passed: int
+    override_percent: int
+    moving: bool
+    stopped: bool
+    drives: bool
+    safe: bool
+    stop_message: bool
+    mode: str
+    joints: Floats
+    at_s: float
+
+
+class KukaArm:
+    """The arm, as one connection shows it.
+
+    Args:
+        client: the connection.
+        where: how messages name the controller.
+    """
+
+    def __init__(self, client: KvpClient, where: str) -> None:
+        self._client = client
+        self._where = where
+        self._clock = ControllerClock()
+        self._beat = 0
+
+    @property
+    def connected(self) -> bool:
+        """Whether the controller can be asked."""
+        return self._client.connected
+
+    async def connect(self) -> None:
+        """Connect, or connect again; only ever at rest."""
+        await self._client.connect()
+
+    async def close(self) -> None:
+        """Close the connection."""
+        await self._client.close()
+
+    async def identity(self) -> ArmIdentity:
+        """Which robot and program this is."""
+        return ArmIdentity(
+            model=_plain(await self._client.read("$MODEL_NAME[]")),
+            serial=await self._client.read("$KR_SERIALNO"),
+            program=_plain(await self._client.read("$PRO_NAME1[]")),
+            program_state=await self._client.read("$PRO_STATE1"),
+        )
+
+    async def read_axes(self) -> Floats:
+        """$AXIS_ACT, rad, shape (6,): also without our program."""
+        value = krl.parse(await self._client.read("$AXIS_ACT"))
+        return _axes(value, self._where)
+
+    async def read_state(self) -> ArmState:
+        """The state structure, in one read."""
+        loop = asyncio.get_running_loop()
+        sent_s = loop.time()
+        text = await self._client.read(krc.STATE)
+        received_s = loop.time()
+        fields = self._state_fields(text)
+        stamp_s = _integer(fields["TIME"]) / 1000.0
+        self._clock.update(stamp_s, sent_s, received_s)
+        return ArmState(
+            version=_integer(fields["VERSION"]),
+            session=_integer(fields["SESSION"]),
+            status=krc.Status(_integer(fields["STATUS"])),
+            fault=krc.Fault(_integer(fields["FAULT"])),
+            taken=_integer(fields["RD"]),
+            passed=_integer(fields["DONE"]),
+            override_percent=_integer(fields["OV"]),
+            moving=fields["MOVING"] is True,
+            stopped=fields["STOPPED"] is True,
+            drives=fields["DRIVES"] is True,
+            safe=fields["SAFE"] is True,
+            stop_message=fields["STOPMESS"] is True,
+            mode=str(fields["MODE"]).removeprefix("#"),
+            joints=_axes(fields["Q"], self._where),
+            at_s=self._clock.host_s(stamp_s),
+        )
+
+    def _state_fields(self, text: str) -> Mapping[str, krl.KrlValue]:
+        value = krl.parse(text)
+        if not isinstance(value, krl.Aggregate):
+            raise DeviceError(f"{krc.STATE} is {text!r}, not a structure", self._where)
+        missing = [name for name in krc.STATE_FIELDS if name not in value.fields]
+        if missing:
+            raise DeviceError(
+                f"{krc.STATE} lacks {', '.join(missing)}; "
+                f"install the program of interface version {krc.VERSION}",
+                self._where,
+            )
+        return value.fields
+
+    async def begin_session(self) -> ArmState:
+        """Forget every old knot and be ready for new ones.
+
+        Raises:
+            DeviceError: the program does not take the session in time.
+        """
+        await self.command(krc.Command.IDLE)
+        await self._client.write(krc.WRITTEN, "0")
+        await self._client.write(krc.LAST, "0")
+        session = (await self.read_state()).session % SESSION_LIMIT + 1
+        await self._client.write(krc.SESSION, str(session))
+        async with asyncio.timeout(SESSION_TIMEOUT_S) as limit:
+            while True:
+                state = await self.read_state()
+                if state.session == session and state.status is krc.Status.READY:
+                    limit.reschedule(None)
+                    return state
+
+    async def write_knot(
+        self, sequence: int, joints: Floats, velocity: float, acceleration: float
+    ) -> None:
+        """Fill the slot of knot `sequence`; it counts once `publish` has named it.
+
+        Args:
+            sequence: sequence number, from 1.
+            joints: A1..A6, rad, shape (6,).
+            velocity: share (0, 1] of every axis's maximum.
+            acceleration: share (0, 1] of every axis's maximum.
+        """
+        slot = (sequence - 1) % krc.RING + 1
+        axes = krl.axis_aggregate(*np.degrees(joints).tolist())
+        await self._client.write(
+            f"{krc.KNOT}[{slot}]",
+            f"{{{krc.KNOT_TYPE}: SEQ {sequence}, VEL {krl.format_value(100.0 * velocity)}, "
+            f"ACC {krl.format_value(100.0 * acceleration)}, Q {axes}}}",
+        )
+
+    async def publish(self, sequence: int) -> None:
+        """Say that every knot up to `sequence` is written completely."""
+        await self._client.write(krc.WRITTEN, str(sequence))
+
+    async def declare_last(self, sequence: int) -> None:
+        """Say which knot ends the motion."""
+        await self._client.write(krc.LAST, str(sequence))
+
+    async def command(self, command: krc.Command) -> None:
+        """Write the command word."""
+        await self._client.write(krc.COMMAND, str(int(command)))
+
+    async def beat(self) -> None:
+        """Change the heartbeat."""
+        self._beat = self._beat % 1000 + 1
+        await self._client.write(krc.BEAT, str(self._beat))
+
+
+def _plain(text: str) -> str:
+    return text.strip('"').strip("# ")
+
+
+def _integer(value: krl.KrlValue) -> int:
+    if not isinstance(value, int):
+        raise DeviceError(f"a whole number was expected, the controller sent {value!r}")
+    return int(value)
+
+
+def _axes(value: krl.KrlValue, where: str) -> Floats:
+    if isinstance(value, krl.Aggregate):
+        angles = [value.fields.get(f"A{i}") for i in range(1, 7)]
+        if all(isinstance(a, int | float) and math.isfinite(a) for a in angles):
+            return np.radians(np.array(angles, dtype=np.float64))
+    raise DeviceError(f"axis angles were expected, the controller sent {value!r}", where)

@@ -1,0 +1,181 @@
+"""Transactions on the servo bus: a frame out, one status per servo back, in bounded time.
+
+Knows Protocol 2.0's timing, not what the servos are for. One transaction at a time; what is left
+of an earlier one is dropped before the next, and a reply counts only under the id asked.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+from sphmctl.drivers.link import Link, LinkOpener
+from sphmctl.errors import DeviceError
+from sphmctl.wire import dxl, dxl_instructions
+
+BITS_PER_BYTE = 10
+"""8N1: start bit, eight data bits, stop bit."""
+
+LINK_LATENCY_S = 0.015
+"""What USB and the host may add to a transaction. An ATmega16U2 holds bytes back for up to 4.1 ms
+(its timer), a host that is busy for some milliseconds more; an FTDI chip in its factory setting
+16 ms, which `doctor` asks to change."""
+
+STATUS_OVERHEAD_BYTES = 11
+"""Status packet without data: header 4, id, length 2, instruction, error, CRC 2."""
+
+ATTEMPTS = 3
+"""At rest, a lost reply is asked for again this often in all; while streaming never."""
+
+
+class ServoBus:
+    """A half-duplex bus behind a byte link.
+
+    Args:
+        opener: opens a fresh link.
+        where: how messages name the port.
+        baud: bits per second, for the time limits.
+        return_delay_s: longest Return Delay Time of the servos.
+    """
+
+    def __init__(
+        self, opener: LinkOpener, where: str, baud: int, return_delay_s: float = 0.000_510
+    ) -> None:
+        self._opener = opener
+        self._where = where
+        self._byte_s = BITS_PER_BYTE / baud
+        self._return_delay_s = return_delay_s
+        self._link: Link | None = None
+        self._lock = asyncio.Lock()
+        self._splitter = dxl.Splitter()
+        self._statuses: dict[int, dxl.Status] = {}
+        self._wanted: tuple[int, ...] = ()
+        self._waiter: asyncio.Future[None] | None = None
+
+    @property
+    def connected(self) -> bool:
+        """Whether frames can be sent."""
+        return self._link is not None
+
+    async def connect(self) -> None:
+        """Open the port; does nothing when it is open."""
+        if self._link is None:
+            link = await self._opener()
+            link.on_bytes = self._take
+            link.on_lost = self._lose
+            self._link = link
+
+    async def close(self) -> None:
+        """Close the port; may be called again."""
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+
+    async def transact(
+        self, frame: bytes, ids: tuple[int, ...], data_bytes: int
+    ) -> dict[int, dxl.Status]:
+        """Send `frame`, and collect one status of each id, until all are in or time is up.
+
+        Args:
+            frame: one or more complete instruction packets.
+            ids: who answers, in bus order; empty for none.
+            data_bytes: length of the data in each status.
+
+        Returns:
+            The statuses that came, by id: a silent servo is missing, and does not void the others.
+
+        Raises:
+            DeviceError: the port is lost.
+        """
+        async with self._lock:
+            link = self._link
+            if link is None:
+                raise DeviceError("the port is lost", self._where)
+            loop = asyncio.get_running_loop()
+            self._splitter.discard()
+            self._statuses = {}
+            self._wanted = ids
+            if not ids:
+                link.write(frame)
+                return {}
+            waiter = self._waiter = loop.create_future()
+            timer = loop.call_later(self.limit_s(frame, len(ids), data_bytes), self._expire)
+            try:
+                link.write(frame)
+                await waiter
+            finally:
+                timer.cancel()
+                self._waiter = None
+                self._wanted = ()
+            if self._link is None:
+                raise DeviceError("the port was lost during a transaction", self._where)
+            return self._statuses
+
+    def limit_s(self, frame: bytes, replies: int, data_bytes: int) -> float:
+        """How long a transaction may take: wire time, return delays, link latency."""
+        wire_bytes = len(frame) + replies * (STATUS_OVERHEAD_BYTES + data_bytes)
+        return wire_bytes * self._byte_s + replies * self._return_delay_s + LINK_LATENCY_S
+
+    def wire_s(self, frame: bytes) -> float:
+        """How long `frame` is on the wire: it takes effect at its end."""
+        return len(frame) * self._byte_s
+
+    async def ping(self, servo_id: int) -> dxl.Status | None:
+        """The servo's answer to a ping (model number, firmware), or None."""
+        return await self._insist(dxl_instructions.ping(servo_id), servo_id, 3)
+
+    async def read(self, servo_id: int, address: int, size: int) -> bytes:
+        """Read from a servo's table.
+
+        Raises:
+            DeviceError: it is silent or refuses.
+        """
+        status = await self._insist(dxl_instructions.read(servo_id, address, size), servo_id, size)
+        return self._checked(status, servo_id, f"a read of address {address}", size)
+
+    async def write(self, servo_id: int, address: int, data: bytes) -> None:
+        """Write to a servo's table.
+
+        Raises:
+            DeviceError: it is silent or refuses.
+        """
+        status = await self._insist(dxl_instructions.write(servo_id, address, data), servo_id, 0)
+        self._checked(status, servo_id, f"a write of address {address}", 0)
+
+    async def _insist(self, frame: bytes, servo_id: int, data_bytes: int) -> dxl.Status | None:
+        for _ in range(ATTEMPTS):
+            statuses = await self.transact(frame, (servo_id,), data_bytes)
+            if servo_id in statuses:
+                return statuses[servo_id]
+        return None
+
+    def _checked(
+        self, status: dxl.Status | None, servo_id: int, what: str, data_bytes: int
+    ) -> bytes:
+        if status is None:
+            raise DeviceError(f"servo {servo_id} did not answer {what}", self._where)
+        try:
+            return dxl.expect_data(status, data_bytes)
+        except DeviceError as error:
+            message = f"servo {servo_id} refused {what}: {error.message}"
+            raise DeviceError(message, self._where) from error
+
+    def _take(self, data: bytes) -> None:
+        self._splitter.feed(data)
+        while (frame := self._splitter.next_frame()) is not None:
+            try:
+                status = dxl.parse_status(frame)
+            except dxl.DxlProtocolError:
+                # An adapter that echoes sends our own instruction back.
+                continue
+            if status.device_id in self._wanted:
+                self._statuses[status.device_id] = status
+        if len(self._statuses) == len(self._wanted):
+            self._expire()
+
+    def _expire(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def _lose(self) -> None:
+        self._link = None
+        self._expire()

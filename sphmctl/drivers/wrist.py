@@ -1,0 +1,348 @@
+"""The wrist: three XL430 as three cranks in radians. Knows no plan and no arm.
+
+One way of streaming is used: position mode with the velocity-based profile, a capped Profile
+Velocity, no Profile Acceleration, and a new goal each cycle. The e-manual promises that a new goal
+during a move is blended only for velocity-based profiles, not for time-based ones. The cap is what
+makes a wrong goal a bounded motion instead of a step at full speed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphmctl.drivers import xl430
+from sphmctl.drivers.servo_bus import ServoBus
+from sphmctl.errors import DeviceError
+from sphmctl.motion import Floats
+from sphmctl.wire import dxl, dxl_instructions
+
+WATCHDOG_UNITS = 10
+"""Bus Watchdog, in 20 ms: a servo that hears nothing for 200 ms stops by itself. Twenty cycles, so
+that a busy host does not trip it, and less than a crank needs to leave the path by much."""
+
+MAX_RETURN_DELAY_UNITS = 10
+"""Return Delay Time, in 2 us. The factory's 250 (three times 0.5 ms a cycle) is too slow."""
+
+PROFILE_MARGIN = 1.5
+"""Profile Velocity over the plan's fastest crank: catching up must be possible, racing not."""
+
+MIN_PROFILE_RAD_S = math.radians(20.0)
+"""Profile Velocity for a plan whose cranks hardly move."""
+
+PROFILE_LIMIT_UNITS = 32_767
+
+
+@dataclass(frozen=True)
+class CrankScale:
+    """How counts and crank angles belong together (cell file: zero_ticks, direction)."""
+
+    zero_ticks: tuple[int, ...]
+    direction: tuple[int, ...]
+
+    def ticks(self, cranks: Floats) -> list[int]:
+        """Nearest counts to crank angles in rad, shape (3,)."""
+        return [
+            round(zero + sign * float(crank) / xl430.RAD_PER_COUNT)
+            for zero, sign, crank in zip(self.zero_ticks, self.direction, cranks, strict=True)
+        ]
+
+    def crank(self, leg: int, ticks: int) -> float:
+        """Crank angle of leg 0..2 in rad."""
+        return (ticks - self.zero_ticks[leg]) * self.direction[leg] * xl430.RAD_PER_COUNT
+
+
+@dataclass(frozen=True)
+class ServoState:
+    """One servo at one instant, or what is known of a silent one.
+
+    Attributes:
+        crank: crank angle, rad.
+        alert: the servo says that a hardware error is set.
+    """
+
+    crank: float
+    velocity: float
+    alert: bool
+    error: int
+    telemetry: xl430.Telemetry
+
+
+@dataclass(frozen=True)
+class WristState:
+    """The three servos after one cycle.
+
+    Attributes:
+        servos: in leg order; None where a servo was silent or sent nonsense.
+        at_s: host time at which the servos took their positions.
+    """
+
+    servos: tuple[ServoState | None, ...]
+    at_s: float
+
+    @property
+    def cranks(self) -> Floats:
+        """Crank angles, rad, shape (3,); NaN for a silent servo."""
+        return np.array([math.nan if s is None else s.crank for s in self.servos])
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One property of the wrist that was looked at."""
+
+    name: str
+    ok: bool
+    detail: str
+    remedy: str = ""
+
+
+class Wrist:
+    """Three servos on one bus.
+
+    Args:
+        bus: the bus.
+        ids: servo ids in leg order.
+        scale: counts and crank angles.
+        crank_range: what the servos' position limits must let through, rad.
+        where: how messages name the wrist.
+    """
+
+    def __init__(
+        self,
+        bus: ServoBus,
+        ids: tuple[int, ...],
+        scale: CrankScale,
+        crank_range: tuple[float, float],
+        where: str,
+    ) -> None:
+        self._bus = bus
+        self._ids = ids
+        self._scale = scale
+        self._where = where
+        self._crank_range = crank_range
+        self.armed = False
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is open."""
+        return self._bus.connected
+
+    async def connect(self) -> None:
+        """Open the port."""
+        await self._bus.connect()
+
+    async def close(self) -> None:
+        """Close the port."""
+        await self._bus.close()
+
+    async def examine(self) -> list[Finding]:
+        """Look at each servo: model, firmware and set-up. Changes nothing.
+
+        Raises:
+            DeviceError: the port is lost.
+        """
+        findings: list[Finding] = []
+        for leg, servo_id in enumerate(self._ids):
+            findings += await self._examine_servo(leg, servo_id)
+        return findings
+
+    async def verify(self) -> None:
+        """Refuse a wrist that is not ready to be armed.
+
+        Raises:
+            DeviceError: naming each servo, what it has, and what would be right.
+        """
+        wrong = [f for f in await self.examine() if not f.ok]
+        if wrong:
+            text = "; ".join(f"{f.name}: {f.detail} ({f.remedy})" for f in wrong)
+            raise DeviceError(text, self._where)
+
+    async def read_cranks(self) -> Floats:
+        """Present crank angles, rad, shape (3,): at rest, without arming."""
+        cranks = []
+        for leg, servo_id in enumerate(self._ids):
+            data = await self._bus.read(servo_id, xl430.PRESENT_POSITION, 4)
+            cranks.append(self._scale.crank(leg, struct.unpack("<i", data)[0]))
+        return np.array(cranks)
+
+    async def arm(self, speed_rad_s: float) -> None:
+        """Torque on, holding where the cranks are; from here on `exchange` must be called.
+
+        Args:
+            speed_rad_s: the fastest that the plan moves a crank.
+
+        Raises:
+            DeviceError: a servo is silent or refuses; then torque is off again.
+        """
+        profile = max(speed_rad_s * PROFILE_MARGIN, MIN_PROFILE_RAD_S)
+        units = min(math.ceil(profile / xl430.VELOCITY_UNIT_RAD_S), PROFILE_LIMIT_UNITS)
+        try:
+            for servo_id in self._ids:
+                await self._arm_servo(servo_id, units)
+        except BaseException:
+            await self.disarm()
+            raise
+        self.armed = True
+
+    async def exchange(self, cranks: Floats | None) -> WristState:
+        """One cycle: goals out (None: none), every servo's state back.
+
+        Args:
+            cranks: goals, rad, shape (3,).
+
+        Returns:
+            What the servos said; a missing one is None and does not void the others, but the
+            servos after it on the bus are silent too (they answer in a chain).
+        """
+        size = xl430.TELEMETRY_FORMAT.size
+        frame = dxl_instructions.sync_read(xl430.INDIRECT_DATA_1, size, self._ids)
+        if cranks is not None:
+            goals = (struct.pack("<i", within(ticks)) for ticks in self._scale.ticks(cranks))
+            data_of = dict(zip(self._ids, goals, strict=True))
+            frame = dxl_instructions.sync_write(xl430.GOAL_POSITION, data_of) + frame
+        sent_s = asyncio.get_running_loop().time()
+        statuses = await self._bus.transact(frame, self._ids, size)
+        servos = tuple(
+            self._servo_state(leg, statuses.get(servo_id)) for leg, servo_id in enumerate(self._ids)
+        )
+        return WristState(servos, sent_s + self._bus.wire_s(frame))
+
+    async def disarm(self) -> list[str]:
+        """Torque off and watchdog off on every servo that can be reached.
+
+        Returns:
+            A sentence for each servo whose torque could not be seen to be off.
+        """
+        self.armed = False
+        problems = []
+        for servo_id in self._ids:
+            try:
+                await self._bus.write(servo_id, xl430.TORQUE_ENABLE, b"\0")
+                if await self._bus.read(servo_id, xl430.TORQUE_ENABLE, 1) != b"\0":
+                    problems.append(f"servo {servo_id} still has torque on")
+                await self._bus.write(servo_id, xl430.BUS_WATCHDOG, b"\0")
+            except DeviceError as error:
+                problems.append(f"servo {servo_id}: torque off was not confirmed ({error.message})")
+        return problems
+
+    async def _arm_servo(self, servo_id: int, profile_units: int) -> None:
+        bus = self._bus
+        # Torque first: indirect addresses cannot be written with torque on.
+        await bus.write(servo_id, xl430.TORQUE_ENABLE, b"\0")
+        await bus.write(servo_id, xl430.BUS_WATCHDOG, b"\0")
+        await bus.write(servo_id, xl430.INDIRECT_ADDRESS_1, xl430.telemetry_map())
+        profile = struct.pack("<II", 0, profile_units)
+        await bus.write(servo_id, xl430.PROFILE_ACCELERATION, profile)
+        await self._goal_to_present(servo_id)
+        await bus.write(servo_id, xl430.TORQUE_ENABLE, b"\1")
+        # Torque on folds a multi-turn position into one turn: look again.
+        await self._goal_to_present(servo_id)
+        await bus.write(servo_id, xl430.BUS_WATCHDOG, bytes([WATCHDOG_UNITS]))
+
+    async def _goal_to_present(self, servo_id: int) -> None:
+        data = await self._bus.read(servo_id, xl430.PRESENT_POSITION, 4)
+        await self._bus.write(servo_id, xl430.GOAL_POSITION, data)
+
+    async def _examine_servo(self, leg: int, servo_id: int) -> list[Finding]:
+        name = f"servo {servo_id} (leg {leg + 1})"
+        status = await self._bus.ping(servo_id)
+        if status is None or len(status.data) < 3:
+            remedy = "check power, cable, id and baud rate"
+            return [Finding(name, False, "does not answer", remedy)]
+        model, firmware = struct.unpack_from("<HB", status.data)
+        findings = [
+            _finding(name, "model number", model, model == xl430.MODEL, "an XL430-W250 has 1060"),
+            _finding(
+                name,
+                "firmware",
+                firmware,
+                firmware >= xl430.MIN_FIRMWARE,
+                f"update it to {xl430.MIN_FIRMWARE} or later with DYNAMIXEL Wizard",
+            ),
+        ]
+        if model != xl430.MODEL:
+            return findings
+        return findings + await self._examine_setup(leg, servo_id, name)
+
+    async def _examine_setup(self, leg: int, servo_id: int, name: str) -> list[Finding]:
+        async def number(address: int, layout: str) -> int:
+            data = await self._bus.read(servo_id, address, struct.calcsize(layout))
+            return int(struct.unpack(layout, data)[0])
+
+        delay = await number(xl430.RETURN_DELAY, "<B")
+        drive = await number(xl430.DRIVE_MODE, "<B")
+        mode = await number(xl430.OPERATING_MODE, "<B")
+        offset = await number(xl430.HOMING_OFFSET, "<i")
+        level = await number(xl430.STATUS_RETURN_LEVEL, "<B")
+        errors = await number(xl430.HARDWARE_ERROR, "<B")
+        high, low = struct.unpack("<ii", await self._bus.read(servo_id, xl430.MAX_POSITION, 8))
+        need_low, need_high = self._needed_ticks(leg)
+        return [
+            _finding(
+                name,
+                "Return Delay Time (9)",
+                delay,
+                delay <= MAX_RETURN_DELAY_UNITS,
+                f"set it to 0, at most {MAX_RETURN_DELAY_UNITS}",
+            ),
+            _finding(name, "Drive Mode (10)", drive, drive == 0, "set it to 0"),
+            _finding(
+                name,
+                "Operating Mode (11)",
+                mode,
+                mode == xl430.POSITION_MODE,
+                "set it to 3, position control",
+            ),
+            _finding(name, "Homing Offset (20)", offset, offset == 0, "set it to 0"),
+            _finding(
+                name,
+                "Position Limits (52, 48)",
+                f"{low} to {high}",
+                low <= need_low and need_high <= high,
+                f"they must include {need_low} to {need_high}",
+            ),
+            _finding(
+                name,
+                "Status Return Level (68)",
+                level,
+                level == xl430.STATUS_ALL,
+                "set it to 2, or power the servo off and on",
+            ),
+            Finding(
+                f"{name}, Hardware Error Status (70)",
+                errors == 0,
+                "none" if errors == 0 else xl430.hardware_error_text(errors),
+                "" if errors == 0 else "remove the cause, then reboot the servo",
+            ),
+        ]
+
+    def _needed_ticks(self, leg: int) -> tuple[int, int]:
+        ends = [self._scale.ticks(np.full(3, crank))[leg] for crank in self._crank_range]
+        return min(ends), max(ends)
+
+    def _servo_state(self, leg: int, status: dxl.Status | None) -> ServoState | None:
+        if status is None or len(status.data) != xl430.TELEMETRY_FORMAT.size:
+            return None
+        telemetry = xl430.parse_telemetry(status.data)
+        return ServoState(
+            crank=self._scale.crank(leg, telemetry.position_ticks),
+            velocity=telemetry.velocity_units
+            * self._scale.direction[leg]
+            * xl430.VELOCITY_UNIT_RAD_S,
+            alert=status.alert,
+            error=status.error,
+            telemetry=telemetry,
+        )
+
+
+def within(ticks: int) -> int:
+    """A goal that a servo in position mode takes: rounding may put one a count outside."""
+    return max(0, min(xl430.COUNTS_PER_TURN - 1, ticks))
+
+
+def _finding(name: str, item: str, value: int | str, ok: bool, remedy: str) -> Finding:
+    return Finding(f"{name}, {item}", ok, str(value), "" if ok else remedy)
