@@ -1,0 +1,250 @@
+"""Line charts as inline SVG text; colours come from the page's style sheet by class.
+
+Knows numbers and pixels, nothing of robots. Sizes are in the units of the drawing's viewBox.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from sphmctl.motion import Floats
+
+POINTS = 1000
+"""Points kept of a line: more than a panel has pixels, and a page of under a megabyte."""
+
+STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+"""Leading figures of a tick distance that people read easily."""
+
+MARGIN = 0.06
+"""Free share of an axis above and below the data."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a chart: NaN in `y` interrupts it; `style` is its class in the style sheet."""
+
+    x: Floats
+    y: Floats
+    style: str
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A labelled point of a chart."""
+
+    x: float
+    y: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What to draw.
+
+    Attributes:
+        title: read aloud in place of the drawing.
+        lines: drawn in this order.
+        x_label, y_label: quantity and unit.
+        width, height: of the drawing.
+        marks: labelled points on top.
+        levels: heights of dashed lines: limits.
+        shown: heights that the axis includes in any case.
+        equal: the same scale on both axes, as for a plan view.
+        least_span: an axis never shows less than this in y, so that noise does not fill it.
+    """
+
+    title: str
+    lines: tuple[Line, ...]
+    x_label: str
+    y_label: str
+    width: float = 360.0
+    height: float = 190.0
+    marks: tuple[Mark, ...] = ()
+    levels: tuple[float, ...] = ()
+    shown: tuple[float, ...] = ()
+    equal: bool = False
+    least_span: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """The plot's rectangle in the drawing, and the data's range in it."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def px(self, x: float) -> float:
+        low, high = self.x
+        return self.left + (x - low) / (high - low) * (self.right - self.left)
+
+    def py(self, y: float) -> float:
+        low, high = self.y
+        return self.bottom - (y - low) / (high - low) * (self.bottom - self.top)
+
+
+def safe(text: str) -> str:
+    """Text for HTML and XML alike, which know neither control characters nor half code points."""
+    whole = text.encode("utf-8", "replace").decode("utf-8")
+    return escape("".join(c for c in whole if c >= " " or c in "\t\n"))
+
+
+def draw(chart: Chart) -> str:
+    """The chart as one `<svg>` element."""
+    frame = _frame(chart)
+    box = f"0 0 {chart.width:g} {chart.height:g}"
+    parts = [
+        f'<svg class="chart" viewBox="{box}" role="img" aria-label="{safe(chart.title)}">',
+        *_axes(chart, frame),
+        *(_level(frame, level) for level in chart.levels),
+        *(_path(frame, line) for line in chart.lines),
+        *_marks(frame, chart.marks),
+        "</svg>",
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def ticks(low: float, high: float, most: int) -> list[float]:
+    """At most `most` round numbers from low to high, evenly apart."""
+    raw = (high - low) / max(most - 1, 1)
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next((s * power for s in STEPS if s * power >= raw * (1 - 1e-9)), 10.0 * power)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return [round(k * step, 10) for k in range(first, last + 1)]
+
+
+def thin(x: Floats, y: Floats, points: int = POINTS) -> tuple[Floats, Floats]:
+    """About `points` of the points: the lowest and highest of each stretch, so that peaks stay."""
+    if len(x) <= points:
+        return x, y
+    keep: list[int] = [0, len(x) - 1]
+    for stretch in np.array_split(np.arange(len(x)), points // 2):
+        values = y[stretch]
+        if np.isnan(values).all():
+            keep.append(int(stretch[0]))
+        else:
+            keep += [int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])]
+    kept = np.unique(keep)
+    return x[kept], y[kept]
+
+
+def stride(x: Floats, y: Floats, points: int = POINTS) -> tuple[Floats, Floats]:
+    """Every n-th point and the last: for lines that go anywhere, as in a plan view."""
+    if len(x) <= points:
+        return x, y
+    kept = np.append(np.arange(0, len(x) - 1, math.ceil(len(x) / points)), len(x) - 1)
+    return x[kept], y[kept]
+
+
+def _range(
+    values: Sequence[Floats], extra: tuple[float, ...], least: float, margin: float
+) -> tuple[float, float]:
+    joined = np.concatenate([*values, np.asarray(extra, dtype=np.float64)])
+    joined = joined[np.isfinite(joined)]
+    low, high = (float(joined.min()), float(joined.max())) if joined.size else (0.0, 1.0)
+    span = max(high - low, least, 1e-6)
+    middle = 0.5 * (low + high)
+    half = span * (0.5 + margin)
+    return middle - half, middle + half
+
+
+def _frame(chart: Chart) -> _Frame:
+    left, top, right, bottom = 46.0, 10.0, chart.width - 12.0, chart.height - 36.0
+    margin = MARGIN if chart.equal else 0.0
+    x = _range([line.x for line in chart.lines], (), 0.0, margin)
+    extra = chart.levels + chart.shown
+    y = _range([line.y for line in chart.lines], extra, chart.least_span, MARGIN)
+    if chart.equal:
+        per_px = max((x[1] - x[0]) / (right - left), (y[1] - y[0]) / (bottom - top))
+        x = _widen(x, per_px * (right - left))
+        y = _widen(y, per_px * (bottom - top))
+    return _Frame(left, top, right, bottom, x, y)
+
+
+def _widen(span: tuple[float, float], size: float) -> tuple[float, float]:
+    middle = 0.5 * (span[0] + span[1])
+    return middle - 0.5 * size, middle + 0.5 * size
+
+
+def _axes(chart: Chart, frame: _Frame) -> list[str]:
+    """Grid lines with their numbers, the frame, and what the axes show."""
+    parts = []
+    for value in ticks(*frame.y, max(3, int((frame.bottom - frame.top) / 34))):
+        y = frame.py(value)
+        parts.append(_segment("grid", frame.left, y, frame.right, y))
+        parts.append(_text("tick end", frame.left - 5, y + 3.5, _number(value)))
+    for value in ticks(*frame.x, max(3, int((frame.right - frame.left) / 48))):
+        x = frame.px(value)
+        parts.append(_segment("grid", x, frame.top, x, frame.bottom))
+        parts.append(_text("tick middle", x, frame.bottom + 13, _number(value)))
+    parts.append(_segment("axis", frame.left, frame.bottom, frame.right, frame.bottom))
+    parts.append(_segment("axis", frame.left, frame.top, frame.left, frame.bottom))
+    middle = 0.5 * (frame.top + frame.bottom)
+    parts.append(_text("label end", frame.right, chart.height - 6, chart.x_label))
+    parts.append(
+        f'<text class="label middle" transform="translate(11 {middle:.1f}) rotate(-90)">'
+        f"{safe(chart.y_label)}</text>"
+    )
+    return parts
+
+
+def _number(value: float) -> str:
+    return f"{value:g}".replace("-", "−")
+
+
+def _segment(style: str, x1: float, y1: float, x2: float, y2: float) -> str:
+    return f'<line class="{style}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
+
+
+def _text(style: str, x: float, y: float, text: str) -> str:
+    return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{safe(text)}</text>'
+
+
+def _level(frame: _Frame, level: float) -> str:
+    return _segment("level", frame.left, frame.py(level), frame.right, frame.py(level))
+
+
+def _path(frame: _Frame, line: Line) -> str:
+    """The line as a path; each gap begins a new stroke, and a lone point becomes a dot."""
+    parts: list[str] = []
+    pen_down = False
+    for x, y in zip(line.x.tolist(), line.y.tolist(), strict=True):
+        if math.isfinite(x) and math.isfinite(y):
+            point = f"{frame.px(x):.1f} {frame.py(y):.1f}"
+            parts.append(f"L{point}" if pen_down else f"M{point}h0")
+            pen_down = True
+        else:
+            pen_down = False
+    return f'<path class="line {line.style}" d="{"".join(parts)}"/>' if parts else ""
+
+
+def _marks(frame: _Frame, marks: tuple[Mark, ...]) -> list[str]:
+    """Dots, each with its label on the side away from the middle of all; equal places share one."""
+    if not marks:
+        return []
+    middle_x = sum(mark.x for mark in marks) / len(marks)
+    middle_y = sum(mark.y for mark in marks) / len(marks)
+    labels: dict[tuple[int, int], tuple[Mark, list[str]]] = {}
+    for mark in marks:
+        key = (round(frame.px(mark.x) / 4), round(frame.py(mark.y) / 4))
+        _, names = labels.setdefault(key, (mark, []))
+        if mark.label not in names:
+            names.append(mark.label)
+    parts = []
+    for mark, names in labels.values():
+        x, y = frame.px(mark.x), frame.py(mark.y)
+        away_x, away_y = x - frame.px(middle_x), y - frame.py(middle_y)
+        far = math.hypot(away_x, away_y) or 1.0
+        parts.append(f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3.2"/>')
+        label_x, label_y = x + 13 * away_x / far, y + 13 * away_y / far + 4
+        parts.append(_text("mark middle", label_x, label_y, ", ".join(names)))
+    return parts

@@ -1,0 +1,266 @@
+"""One run from connected devices to a finished folder: session, record, assessment, report."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from sphmctl import planner
+from sphmctl.config import Cell, dump
+from sphmctl.daemon import assess
+from sphmctl.daemon.record import (
+    FEEDBACK_COLUMNS,
+    Events,
+    RowFile,
+    feedback_row,
+    new_folder,
+    write_truth,
+)
+from sphmctl.daemon.report import Event, ReportInput, Trace, write_report
+from sphmctl.daemon.session import Consent, Outcome, Session
+from sphmctl.drivers.kuka import KukaArm
+from sphmctl.drivers.wrist import Wrist
+from sphmctl.motion import Floats, Plan
+from sphmctl.robots import sphm
+
+ROWS_LIMIT = 1_000_000
+"""Rows kept for the report: nearly three hours at 100 Hz, 80 MB; the file gets every row."""
+
+
+class TruthSource(Protocol):
+    """Knows the true joints of an emulated machine."""
+
+    def truth(self, begin_s: float, end_s: float) -> list[tuple[float, ...]]:
+        """Rows of (time on the emulators' clock, nine joints deg) between two host times."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to run, and where to leave the record.
+
+    Attributes:
+        path_text: the path file as it was read.
+        clock: "real" or "virtual".
+    """
+
+    plan: Plan
+    cell: Cell
+    path_text: str
+    runs_dir: Path
+    started: datetime
+    clock: str
+
+
+@dataclass
+class _Rows:
+    """What was measured, in memory for the assessment."""
+
+    t_s: list[float] = field(default_factory=list)
+    joints: list[Floats] = field(default_factory=list)
+
+
+async def run_job(
+    job: Job,
+    arm: KukaArm,
+    wrist: Wrist,
+    consent: Consent,
+    stop: asyncio.Event,
+    on_progress: Callable[[float], None],
+    echo: Callable[[str, dict[str, Any]], None],
+    truth: TruthSource | None = None,
+) -> dict[str, Any]:
+    """Run a job on devices that are not connected yet.
+
+    Args:
+        job: what to run.
+        arm, wrist: the devices.
+        consent: asked once before anything moves.
+        stop: set it for a controlled stop.
+        on_progress: takes the plan time reached, s.
+        echo: told of each event.
+        truth: the emulated machine's true joints; None on a real one.
+
+    Returns:
+        The summary, as summary.json holds it.
+
+    Raises:
+        SphmctlError: before any motion; no folder is left then.
+    """
+    loop = asyncio.get_running_loop()
+    early = Events(None, loop.time, echo)
+    session = Session(job.cell, arm, wrist, early)
+    try:
+        await session.open()
+        await session.verify()
+        approach = await session.prepare(job.plan, consent)
+        folder = new_folder(job.runs_dir, job.plan.name, job.started)
+        _write_inputs(folder, job)
+        events = Events(folder / "events.jsonl", loop.time, echo)
+        session.report_to(events)
+        try:
+            rows = _Rows()
+            outcome = await _play(job, session, approach, stop, on_progress, folder, rows)
+            return _conclude(job, folder, outcome, rows, truth, events)
+        finally:
+            events.close()
+    finally:
+        await session.close()
+
+
+async def _play(
+    job: Job,
+    session: Session,
+    approach: Plan | None,
+    stop: asyncio.Event,
+    on_progress: Callable[[float], None],
+    folder: Path,
+    rows: _Rows,
+) -> Outcome:
+    feedback = RowFile(folder / "feedback.csv", FEEDBACK_COLUMNS)
+    base = np.linalg.inv(job.plan.base_in_world)
+    mount_yaw = job.cell.mount_yaw_rad
+
+    def keep(t_s: float, joints: Floats, tau_s: float) -> None:
+        tool = base @ sphm.forward(joints, job.plan.tool_on_platform, mount_yaw)
+        feedback.row(feedback_row(t_s, joints, tool, tau_s))
+        if len(rows.t_s) < ROWS_LIMIT and not np.isnan(joints).any():
+            rows.t_s.append(t_s)
+            rows.joints.append(np.degrees(joints))
+
+    try:
+        return await session.play(job.plan, approach, stop, keep, on_progress)
+    finally:
+        feedback.close()
+
+
+def _write_inputs(folder: Path, job: Job) -> None:
+    (folder / "path.yaml").write_text(job.path_text)
+    (folder / "cell.yaml").write_text(dump(job.cell))
+    (folder / "plan.csv").write_text(planner.plan_csv(job.plan))
+
+
+def _conclude(
+    job: Job,
+    folder: Path,
+    outcome: Outcome,
+    rows: _Rows,
+    truth: TruthSource | None,
+    events: Events,
+) -> dict[str, Any]:
+    """Assess what was recorded, and write truth, summary and report."""
+    measured = np.array(rows.joints) if rows.joints else np.empty((0, 9))
+    true_rows: list[tuple[float, ...]] = []
+    if truth is not None and math.isfinite(outcome.begin_s):
+        found = truth.truth(outcome.begin_s, outcome.end_s)
+        true_rows = [(row[0] - found[0][0], *row[1:]) for row in found]
+        write_truth(folder / "truth.csv", true_rows)
+    true = np.array(true_rows) if true_rows else np.empty((0, 10))
+    assessment = _Assessment(job, measured, true, outcome)
+    duration_s = outcome.end_s - outcome.begin_s if math.isfinite(outcome.begin_s) else 0.0
+    summary = assessment.summary() | {
+        "outcome": outcome.outcome,
+        "cause": outcome.cause,
+        "unconfirmed": outcome.unconfirmed,
+        "run_dir": str(folder),
+        "duration_s": round(duration_s, 3),
+        "planned_s": round(job.plan.duration_s, 3),
+        "emulated": list(job.cell.emulated_devices),
+        "clock": job.clock,
+        "notes": list(job.plan.notes),
+    }
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    write_report(
+        folder / "report.html", _report(job, folder, outcome, duration_s, rows, assessment, events)
+    )
+    return summary
+
+
+class _Assessment:
+    """The figures of a run, from what was measured and, where there is one, from the truth."""
+
+    def __init__(self, job: Job, measured: Floats, true: Floats, outcome: Outcome) -> None:
+        plan = job.plan
+        plan_deg = np.degrees(plan.joints)
+        yaw = job.cell.mount_yaw_rad
+        complete = outcome.outcome == "completed"
+        self.measured = measured
+        self.tracking = assess.tracking(plan, measured, mount_yaw_rad=yaw, complete=complete)
+        self.points = assess.named_points(plan, measured, mount_yaw_rad=yaw)
+        self.skew: assess.Skew | None = None
+        self.trace: Trace | None = None
+        self.truth: assess.Tracking | None = None
+        if true.size:
+            t, joints = true[:, 0], true[:, 1:]
+            self.skew = assess.skew(plan.t, plan_deg, t, joints)
+            self.trace = Trace(t, assess.skew_trace(plan.t, plan_deg, t, joints))
+            self.truth = assess.tracking(plan, joints, mount_yaw_rad=yaw, complete=complete)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of the contract; null where there is no truth to take them from."""
+        skew = self.skew
+        return {
+            "tracking": dataclasses.asdict(self.tracking),
+            "true_tracking": None if self.truth is None else dataclasses.asdict(self.truth),
+            "skew_ms": {
+                "p50": skew.p50_ms if skew else None,
+                "p99": skew.p99_ms if skew else None,
+                "max": skew.max_ms if skew else None,
+                "share_counted": skew.share_counted if skew else None,
+            },
+            "max_crank_error_deg": skew.max_crank_error_deg if skew else None,
+            "points": [dataclasses.asdict(point) for point in self.points],
+        }
+
+
+def _report(
+    job: Job,
+    folder: Path,
+    outcome: Outcome,
+    duration_s: float,
+    rows: _Rows,
+    assessment: _Assessment,
+    events: Events,
+) -> ReportInput:
+    plan = job.plan
+    yaw = job.cell.mount_yaw_rad
+    measured = assessment.measured
+    reached = assess.tool_in_base(plan, measured, yaw) if len(measured) else np.empty((0, 4, 4))
+    return ReportInput(
+        name=plan.name,
+        started=f"{job.started:%Y-%m-%d %H:%M:%S}",
+        outcome=outcome.outcome,
+        cause=outcome.cause,
+        emulated=bool(job.cell.emulated_devices),
+        duration_s=duration_s,
+        planned_s=plan.duration_s,
+        t_s=np.array(rows.t_s),
+        required_deg=assess.required(plan, measured) if len(measured) else np.empty((0, 9)),
+        measured_deg=measured,
+        tool_required_mm=1000.0 * plan.tool[:, :3, 3],
+        tool_reached_mm=1000.0 * reached[:, :3, 3],
+        tracking=assessment.tracking,
+        points=assessment.points,
+        skew=assessment.skew,
+        trace=assessment.trace,
+        notes=plan.notes,
+        events=tuple(_event(*entry) for entry in events.history),
+        files=tuple(sorted(item.name for item in folder.iterdir())),
+    )
+
+
+BAD_EVENTS = {"fault", "wrist lost", "standstill not seen", "disarm", "faulted"}
+
+
+def _event(t_s: float, name: str, fields: dict[str, Any]) -> Event:
+    text = ", ".join(f"{key} {value}" for key, value in fields.items() if value not in ("", None))
+    level = "error" if name in BAD_EVENTS else "info"
+    return Event(t_s, level, f"{name}: {text}" if text else name)

@@ -1,0 +1,355 @@
+"""One session with a cell: connect, verify, approach, play, settle, disarm, close.
+
+Nothing moves before `play`, and `play` leaves the robot standing with the wrist's torque off, or
+says what it could not see.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sphmctl import planner
+from sphmctl.config import Cell
+from sphmctl.daemon.follow import Lead
+from sphmctl.daemon.record import Events
+from sphmctl.daemon.stream import Hold, Motion, StopRequestedError, WristLoop
+from sphmctl.daemon.watch import MEASURED_TOLERANCE_RAD
+from sphmctl.drivers import krc_interface as krc
+from sphmctl.drivers.kuka import PROGRAM, ArmState, KukaArm
+from sphmctl.drivers.wrist import Finding, Wrist
+from sphmctl.errors import DeviceError, SphmctlError, UsageError
+from sphmctl.motion import JOINT_NAMES, Floats, Plan
+
+MOVING_MODES = ("EX", "EXT", "AUT", "T1")
+"""Operating modes in which a plan may be driven; T2 is manual at full speed."""
+
+AT_START_RAD = math.radians(0.5)
+"""Closer than this to the plan's start the approach is not worth a question."""
+
+APPROACH_SHARE = 0.1
+"""Speed of the approach move, as a share of every joint's limit: nobody checked its way."""
+
+EMULATED_APPROACH_SHARE = 0.25
+"""The same where nothing can be hit."""
+
+RowSink = Callable[[float, Floats, float], None]
+Consent = Callable[[str], Awaitable[bool]]
+
+
+@dataclass
+class Outcome:
+    """How a run ended.
+
+    Attributes:
+        outcome: completed, stopped or faulted.
+        cause: why, if not completed.
+        unconfirmed: what could not be seen to be safe at the end, one sentence each.
+        begin_s, end_s: host times of the plan's motion; NaN if it never began.
+    """
+
+    outcome: str = "completed"
+    cause: str = ""
+    unconfirmed: list[str] = field(default_factory=list)
+    begin_s: float = math.nan
+    end_s: float = math.nan
+
+
+class Session:
+    """A cell that is connected.
+
+    Args:
+        cell: its description.
+        arm, wrist: its devices, not connected yet.
+        events: where to report.
+    """
+
+    def __init__(self, cell: Cell, arm: KukaArm, wrist: Wrist, events: Events) -> None:
+        self._cell = cell
+        self._arm = arm
+        self._wrist = wrist
+        self._events = events
+
+    def report_to(self, events: Events) -> None:
+        """Report to `events` from now on."""
+        self._events = events
+
+    async def open(self) -> None:
+        """Connect both devices.
+
+        Raises:
+            DeviceError: either of them cannot be reached.
+        """
+        results = await asyncio.gather(
+            self._arm.connect(), self._wrist.connect(), return_exceptions=True
+        )
+        for result in results:
+            if isinstance(result, BaseException):
+                await self.close()
+                raise result
+        self._events.add("connected")
+
+    async def close(self) -> None:
+        """Close both devices; may be called again."""
+        await asyncio.gather(self._arm.close(), self._wrist.close(), return_exceptions=True)
+
+    async def examine_arm(self) -> list[Finding]:
+        """Look whether this is the right robot with the right program, ready to move."""
+        identity = await self._arm.identity()
+        wanted = self._cell.arm.model
+        findings = [
+            _finding(
+                "robot",
+                identity.model,
+                wanted.upper() in identity.model.upper().replace(" ", ""),
+                f"the cell file says {wanted}; connect the right controller or change arm.model",
+            ),
+            _finding(
+                "program",
+                identity.program or "none selected",
+                identity.program.upper() == PROGRAM,
+                f"select {PROGRAM} on the controller",
+            ),
+            _finding(
+                "program state",
+                identity.program_state,
+                identity.program_state == "#P_ACTIVE",
+                f"start {PROGRAM} and let it reach its first point (BCO)",
+            ),
+        ]
+        if all(f.ok for f in findings):
+            findings += _examine_state(await self._arm.read_state())
+        return findings
+
+    async def examine_wrist(self) -> list[Finding]:
+        """Look at the three servos."""
+        return await self._wrist.examine()
+
+    async def verify(self) -> None:
+        """Refuse a cell that is not ready.
+
+        Raises:
+            DeviceError: the first thing that is not right, and its remedy.
+        """
+        wrong = [f for f in await self.examine_arm() if not f.ok]
+        if wrong:
+            first = wrong[0]
+            raise DeviceError(f"{first.name}: {first.detail}; {first.remedy}", "controller")
+        await self._wrist.verify()
+        self._events.add("verified")
+
+    async def measured(self) -> Floats:
+        """All nine joints as both devices measure them now, rad, shape (9,)."""
+        arm = await self._arm.read_axes()
+        return np.concatenate((arm, await self._wrist.read_cranks()))
+
+    async def prepare(self, plan: Plan, consent: Consent) -> Plan | None:
+        """Plan the way to the plan's start, and ask once whether the robot may move.
+
+        Args:
+            plan: what to drive.
+            consent: answers the question.
+
+        Returns:
+            The approach move; None when the robot stands at the start.
+
+        Raises:
+            UsageError: no consent.
+            DeviceError, InfeasibleError: the robot stands where it cannot start from.
+        """
+        start = await self.measured()
+        self._within_ranges(start)
+        away = np.abs(start - plan.joints[0])
+        approach = None
+        if away.max() > AT_START_RAD:
+            emulated = len(self._cell.emulated_devices) == 2
+            share = EMULATED_APPROACH_SHARE if emulated else APPROACH_SHARE
+            approach = planner.approach(start, plan.joints[0], self._cell, share)
+        if not await consent(_question(plan, approach, away)):
+            raise UsageError("no consent to move: nothing was moved")
+        return approach
+
+    async def play(
+        self,
+        plan: Plan,
+        approach: Plan | None,
+        stop: asyncio.Event,
+        on_row: RowSink,
+        on_progress: Callable[[float], None],
+    ) -> Outcome:
+        """Arm, approach the plan's start, drive the plan, settle, disarm.
+
+        Args:
+            plan: what to drive.
+            approach: the way to its start, from `prepare`.
+            stop: set it for a controlled stop.
+            on_row: takes (time since the begin, measured joints, plan time) once a cycle of the plan.
+            on_progress: takes the plan time reached.
+
+        Raises:
+            DeviceError: arming failed; nothing moved.
+        """
+        speeds = [
+            np.abs(np.diff(p.joints[:, 6:], axis=0) / np.diff(p.t)[:, None]).max()
+            for p in (approach, plan)
+            if p is not None
+        ]
+        await self._wrist.arm(float(max(speeds)))
+        self._events.add("armed")
+        first = plan if approach is None else approach
+        loop = WristLoop(self._wrist, first.joints[0, 6:], self._events)
+        task = asyncio.create_task(loop.run(), name="wrist loop")
+        outcome = Outcome()
+        lead = Lead()
+        try:
+            if approach is not None:
+                self._events.add("approach", seconds=round(approach.duration_s, 3))
+                await self._drive(approach, loop, lead, stop, outcome, _no_row, _no_progress)
+            if outcome.outcome == "completed":
+                self._events.add("motion begins", seconds=round(plan.duration_s, 3))
+                await self._drive(plan, loop, lead, stop, outcome, on_row, on_progress, main=True)
+        finally:
+            loop.source = Hold(loop.goal)
+            loop.end()
+            await task
+            await self._disarm(outcome)
+        self._events.add(outcome.outcome, cause=outcome.cause, late_cycles=loop.late_cycles)
+        return outcome
+
+    async def _drive(
+        self,
+        plan: Plan,
+        loop: WristLoop,
+        lead: Lead,
+        stop: asyncio.Event,
+        outcome: Outcome,
+        on_row: RowSink,
+        on_progress: Callable[[float], None],
+        *,
+        main: bool = False,
+    ) -> None:
+        """Drive one plan; whatever ends it, both halves are brought to a stand first."""
+        motion = Motion(
+            plan,
+            self._arm,
+            loop,
+            self._cell.ranges_rad,
+            lead,
+            self._events,
+            on_row,
+            on_progress,
+        )
+        outcome.outcome, outcome.cause = "faulted", "the run was cancelled"
+        try:
+            await motion.play(stop)
+            outcome.outcome, outcome.cause = "completed", ""
+        except StopRequestedError as error:
+            outcome.outcome, outcome.cause = "stopped", str(error)
+        except (SphmctlError, TimeoutError) as error:
+            outcome.outcome, outcome.cause = "faulted", str(error) or "the controller took too long"
+            self._events.add("fault", message=outcome.cause)
+        finally:
+            if main:
+                outcome.begin_s = motion.begin_s
+            if outcome.outcome != "completed":
+                await self._stop(motion, loop, outcome)
+            if main:
+                outcome.end_s = asyncio.get_running_loop().time()
+        self._events.add(
+            "delays learnt", lead_ms=[round(1000.0 * float(s), 2) for s in lead.seconds]
+        )
+
+    async def _stop(self, motion: Motion, loop: WristLoop, outcome: Outcome) -> None:
+        if math.isnan(motion.begin_s):
+            loop.hold()
+            return
+        problem = await motion.brake()
+        if problem:
+            outcome.unconfirmed.append(problem)
+        self._events.add("standing" if problem is None else "standstill not seen", message=problem)
+
+    async def _disarm(self, outcome: Outcome) -> None:
+        problems = await self._wrist.disarm()
+        try:
+            await self._arm.command(krc.Command.IDLE)
+        except DeviceError as error:
+            problems.append(f"the controller was not told to be idle: {error.message}")
+        for problem in problems:
+            self._events.add("disarm", message=problem)
+        outcome.unconfirmed += problems
+
+    def _within_ranges(self, joints: Floats) -> None:
+        ranges = self._cell.ranges_rad
+        excess = np.maximum(ranges[:, 0] - joints, joints - ranges[:, 1])
+        worst = int(np.argmax(excess))
+        if excess[worst] > MEASURED_TOLERANCE_RAD:
+            low, high = np.degrees(ranges[worst])
+            raise DeviceError(
+                f"{JOINT_NAMES[worst]} stands at {math.degrees(joints[worst]):.2f} degrees, outside "
+                f"{low:g} to {high:g}; move it back by hand or by the pendant",
+                "cell",
+            )
+
+
+def _no_row(at_s: float, joints: Floats, tau_s: float) -> None:
+    """The approach leaves no rows."""
+
+
+def _no_progress(tau_s: float) -> None:
+    """The approach shows no progress."""
+
+
+def _question(plan: Plan, approach: Plan | None, away: Floats) -> str:
+    text = f"{plan.name}: {plan.duration_s:.1f} s"
+    if approach is None:
+        return f"{text}. The robot stands at the start. Move now?"
+    worst = int(np.argmax(away))
+    return (
+        f"{text}. The robot is not at the start ({JOINT_NAMES[worst]} is "
+        f"{math.degrees(away[worst]):.1f} degrees away): it first drives there in a straight line "
+        f"of joint space, slowly ({approach.duration_s:.1f} s). Is the way free? Move now?"
+    )
+
+
+def _examine_state(state: ArmState) -> list[Finding]:
+    return [
+        _finding(
+            "program version",
+            str(state.version),
+            state.version == krc.VERSION,
+            f"install the program of interface version {krc.VERSION}",
+        ),
+        _finding(
+            "mode",
+            state.mode,
+            state.mode in MOVING_MODES,
+            f"choose one of {', '.join(MOVING_MODES)}",
+        ),
+        _finding(
+            "safety chain",
+            "closed" if state.safe else "open",
+            state.safe,
+            "release the emergency stop and close the gate",
+        ),
+        _finding("drives", "on" if state.drives else "off", state.drives, "switch the drives on"),
+        _finding(
+            "messages",
+            "stop message" if state.stop_message else "none",
+            not state.stop_message,
+            "acknowledge the messages on the pendant",
+        ),
+        _finding(
+            "arm",
+            "moving" if state.moving else "at rest",
+            not state.moving,
+            "wait until no other program moves it",
+        ),
+    ]
+
+
+def _finding(name: str, detail: str, ok: bool, remedy: str) -> Finding:
+    return Finding(name, ok, detail, "" if ok else remedy)

@@ -1,0 +1,137 @@
+"""Looks at every feedback of both devices and says, in one sentence, why a motion must end.
+
+Process supervision, not a safety function. Limits stand at the top, each with its reason.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sphmctl.drivers import krc_interface as krc
+from sphmctl.drivers import xl430
+from sphmctl.drivers.kuka import ArmState
+from sphmctl.drivers.wrist import WristState
+from sphmctl.motion import JOINT_NAMES, Floats
+
+MEASURED_TOLERANCE_RAD = math.radians(0.15)
+"""Beyond a range by what rounding and a servo step may add; the octagon ends on two limits."""
+
+OFF_PLAN_RAD = math.radians(1.0)
+"""Arm away from the planned blocks: ten times its in-position window; somebody else moves it."""
+
+CRANK_ERROR_RAD = math.radians(5.0)
+"""Crank away from where the arm wants it: ten times what is allowed, so something is stuck."""
+
+CRANK_ERROR_CYCLES = 10
+"""So many cycles in a row: 100 ms, longer than any servo's lag."""
+
+SILENT_CYCLES = 3
+"""A servo may miss two replies in a row; the third in a row is a fault (30 ms)."""
+
+STALL_S = 3.0
+"""The arm makes no progress for so long although it may: it starves or is blocked."""
+
+HOT_C = 65
+"""XL430 shuts down at 72 degrees (its default limit); from here on it is worth an event."""
+
+FAULT_TEXTS = {
+    krc.Fault.BEAT: "the controller heard no heartbeat for a second",
+    krc.Fault.SEQUENCE: "the controller found a knot with a wrong sequence number",
+    krc.Fault.KNOT: "the controller refused a knot's speed or axes",
+    krc.Fault.CONTROLLER: "the controller stopped the program",
+}
+
+
+class Watch:
+    """Supervision of one motion.
+
+    Args:
+        ranges: allowed joint ranges, rad, shape (9, 2).
+        session: the session that drives the arm.
+        mode: the operating mode in which it was armed.
+    """
+
+    def __init__(self, ranges: Floats, session: int, mode: str) -> None:
+        self._ranges = ranges
+        self._session = session
+        self._mode = mode
+        self._silent = [0, 0, 0]
+        self._away = [0, 0, 0]
+        self._progress_tau = -math.inf
+        self._progress_s = 0.0
+
+    def arm(self, state: ArmState, off_plan_rad: float) -> str | None:
+        """Why the arm's state ends the motion, or None."""
+        if state.session != self._session:
+            return "another client has taken the arm's session"
+        if state.status is krc.Status.FAULT:
+            return FAULT_TEXTS.get(state.fault, "the KRL program reports a fault")
+        if not state.safe:
+            return "the controller reports an emergency stop or an open gate"
+        if not state.drives:
+            return "the controller's drives are off"
+        if state.stop_message:
+            return "the controller shows a stop message"
+        if state.mode != self._mode:
+            return f"the operating mode changed from {self._mode} to {state.mode}"
+        if state.status is krc.Status.STOPPED:
+            return "the arm was stopped by another client"
+        if off_plan_rad > OFF_PLAN_RAD:
+            return (
+                f"the arm is {math.degrees(off_plan_rad):.2f} degrees off the plan, "
+                f"more than {math.degrees(OFF_PLAN_RAD):g}"
+            )
+        return self._beyond(state.joints, 0)
+
+    def progress(self, tau: float, host_s: float, expected: bool) -> str | None:
+        """Why the lack of progress ends the motion; `expected`: the arm could move."""
+        if tau > self._progress_tau + 1e-4 or not expected:
+            self._progress_tau, self._progress_s = max(tau, self._progress_tau), host_s
+        elif host_s - self._progress_s > STALL_S:
+            return f"the arm has made no progress for {STALL_S:g} s"
+        return None
+
+    def wrist(self, state: WristState, required: Floats) -> str | None:
+        """Why the wrist's state ends the motion, or None."""
+        silent = [leg for leg in range(3) if self._count_silent(leg, state)]
+        if silent:
+            # Servos behind a silent one are silent too: the first is the one to look at.
+            return f"servo of leg {silent[0] + 1} was silent {SILENT_CYCLES} times in a row"
+        for leg, servo in enumerate(state.servos):
+            if servo is None:
+                continue
+            name = f"servo of leg {leg + 1}"
+            telemetry = servo.telemetry
+            if telemetry.hardware_error:
+                text = xl430.hardware_error_text(telemetry.hardware_error)
+                return f"{name} reports a hardware error: {text}"
+            if telemetry.watchdog == xl430.WATCHDOG_TRIPPED:
+                return f"{name} stopped by its bus watchdog"
+            if telemetry.torque != 1:
+                return f"{name} has lost its torque (power cut, or another client)"
+            error = abs(servo.crank - float(required[leg]))
+            self._away[leg] = self._away[leg] + 1 if error > CRANK_ERROR_RAD else 0
+            if self._away[leg] >= CRANK_ERROR_CYCLES:
+                return f"{name} is {math.degrees(error):.1f} degrees from where the arm needs it"
+        known = state.cranks
+        return self._beyond(known, 6)
+
+    def _count_silent(self, leg: int, state: WristState) -> bool:
+        self._silent[leg] = self._silent[leg] + 1 if state.servos[leg] is None else 0
+        return self._silent[leg] >= SILENT_CYCLES
+
+    def _beyond(self, joints: Floats, first: int) -> str | None:
+        """The first joint measured beyond its range; NaN is not beyond."""
+        ranges = self._ranges[first : first + len(joints)]
+        excess = np.maximum(ranges[:, 0] - joints, joints - ranges[:, 1])
+        worst = np.flatnonzero(excess > MEASURED_TOLERANCE_RAD)
+        if not worst.size:
+            return None
+        i = int(worst[0])
+        low, high = np.degrees(ranges[i])
+        return (
+            f"{JOINT_NAMES[first + i]} is at {math.degrees(joints[i]):.2f} degrees, "
+            f"outside {low:g} to {high:g}"
+        )
