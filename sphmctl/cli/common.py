@@ -1,0 +1,95 @@
+"""What every command shares: the cell it works on, its options, its output, its way to fail."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from sphmctl.errors import InvalidError
+
+if TYPE_CHECKING:
+    from sphmctl.config import Cell
+
+CELL_VARIABLE = "SPHMCTL_CELL"
+DEFAULT_CELL = Path("cell.yaml")
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
+]
+CellOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--cell",
+        metavar="FILE",
+        help="The cell file. Else $SPHMCTL_CELL, else ./cell.yaml, else the packaged emulated cell.",
+    ),
+]
+
+
+def cell_of(option: Path | None) -> Cell:
+    """The cell that the options, the environment and the folder name.
+
+    Raises:
+        InvalidError: the file is missing, unreadable or wrong.
+    """
+    from sphmctl.config import emulated_cell, load_cell
+
+    named = os.environ.get(CELL_VARIABLE)
+    if option is not None:
+        return load_cell(option)
+    if named:
+        return load_cell(Path(named))
+    if DEFAULT_CELL.exists():
+        return load_cell(DEFAULT_CELL)
+    return emulated_cell()
+
+
+def say(text: str) -> None:
+    """A line for people, on stderr: stdout is for results."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def put(as_json: bool, document: dict[str, Any], show: Callable[[dict[str, Any]], None]) -> None:
+    """Print a result: as one JSON document, or by `show`."""
+    if as_json:
+        print(json.dumps(finite(document)), flush=True)
+    else:
+        show(document)
+
+
+def finite(value: Any) -> Any:
+    """`value` with NaN and infinities as null, which JSON can hold."""
+    if isinstance(value, float):
+        return value if abs(value) < float("inf") else None
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value
+
+
+def numbers(text: str, count: int, option: str) -> list[float]:
+    """Comma-separated numbers of an option.
+
+    Raises:
+        InvalidError: not `count` finite numbers.
+    """
+    words = text.split(",")
+    try:
+        values = [float(word) for word in words]
+    except ValueError as error:
+        raise InvalidError(
+            f"{text!r} is not a list of numbers; give {count}, separated by commas", option
+        ) from error
+    if len(values) != count or not all(abs(value) < float("inf") for value in values):
+        raise InvalidError(
+            f"{text!r} has {len(values)} numbers; give {count} finite ones, separated by commas",
+            option,
+        )
+    return values

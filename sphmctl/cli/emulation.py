@@ -1,0 +1,93 @@
+"""Emulated devices behind a cell's drivers: real endpoints in real time, memory on virtual time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from sphmctl.cli.common import say
+from sphmctl.config import Cell
+from sphmctl.drivers.connect import make_arm, make_wrist
+from sphmctl.drivers.kuka import KukaArm
+from sphmctl.drivers.link import Link, LinkOpener, MemoryLink, memory_pair
+from sphmctl.drivers.wrist import Wrist
+from sphmctl.emulators.cell import EmulatedCell, Setup, TruthSink
+
+Latency = Literal["measured", "none"]
+
+
+@dataclass
+class Devices:
+    """The drivers of a cell, and what stands behind them where that is emulated."""
+
+    arm: KukaArm
+    wrist: Wrist
+    emulated: EmulatedCell | None = None
+    truth: EmulatedCell | None = None
+
+    async def close(self) -> None:
+        """End the emulation; the drivers are closed by whoever connected them."""
+        if self.emulated is not None:
+            await self.emulated.close()
+
+
+def announce(cell: Cell) -> None:
+    """Say first of all what is emulated."""
+    devices = cell.emulated_devices
+    if len(devices) == 2:
+        say("EMULATED: no robot will move")
+    elif devices:
+        real = "wrist" if devices == ("arm",) else "arm"
+        say(f"EMULATED: the {devices[0]} is emulated, the {real} is real and will move")
+
+
+def setup_of(cell: Cell) -> Setup:
+    """An emulated cell whose servos are mounted as the cell file says."""
+    wrist = cell.wrist
+    return Setup(zero_ticks=wrist.zero_ticks, direction=wrist.direction, ids=wrist.ids)
+
+
+async def open_devices(
+    cell: Cell,
+    *,
+    seed: int = 0,
+    latency: Latency = "measured",
+    virtual: bool = False,
+    sink: TruthSink | None = None,
+) -> Devices:
+    """Make the drivers of a cell, starting emulators for what the cell says is emulated."""
+    devices = cell.emulated_devices
+    if not devices:
+        return Devices(make_arm(cell), make_wrist(cell))
+    emulated = EmulatedCell(seed, setup_of(cell), latency=latency, truth=sink)
+    if virtual:
+        here_kvp, there_kvp = memory_pair()
+        here_bus, there_bus = memory_pair()
+        emulated.attach(there_kvp, there_bus, cell.wrist.baud)
+        arm = make_arm(cell, _once(here_kvp))
+        wrist = make_wrist(cell, _once(here_bus))
+    else:
+        port, device = await emulated.serve()
+        served = with_endpoints(cell, port, device)
+        arm, wrist = make_arm(served), make_wrist(served)
+    truth = emulated if len(devices) == 2 else None
+    return Devices(arm, wrist, emulated, truth)
+
+
+def with_endpoints(cell: Cell, kvp_port: int, wrist_port: str | Path) -> Cell:
+    """The cell with emulated devices replaced by the endpoints at which they are served."""
+    arm, wrist = cell.arm, cell.wrist
+    if arm.driver == "emulated":
+        endpoint = {"driver": "kvp", "host": "127.0.0.1", "port": kvp_port}
+        arm = arm.model_copy(update=endpoint)
+    if wrist.driver == "emulated":
+        wrist = wrist.model_copy(update={"driver": "dynamixel", "port": str(wrist_port)})
+    return cell.model_copy(update={"arm": arm, "wrist": wrist})
+
+
+def _once(link: MemoryLink) -> LinkOpener:
+    async def connect() -> Link:
+        return link
+
+    return connect
