@@ -1,0 +1,82 @@
+"""Whether a path can be driven, and by how much: the margins of every joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphmctl.config import Cell
+from sphmctl.errors import Problem
+from sphmctl.motion import JOINT_NAMES, Floats
+from sphmctl.pathfile import Path
+from sphmctl.planner.plan import Outcome, draw_up
+from sphmctl.planner.sampling import Samples, rates, where
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How near one joint comes to its limits, and where.
+
+    Attributes:
+        range_deg: smallest distance to an end of its range.
+        speed_share, acceleration_share: peak as a share of the limit.
+    """
+
+    joint: str
+    range_deg: float
+    range_where: str
+    speed_share: float
+    speed_where: str
+    acceleration_share: float
+    acceleration_where: str
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """The verdict on a path.
+
+    Attributes:
+        duration_s: None when it is not feasible.
+        margins: of the nine joints; empty when it is not feasible.
+    """
+
+    feasible: bool
+    duration_s: float | None
+    problems: tuple[Problem, ...]
+    margins: tuple[Margin, ...]
+
+
+def check(path: Path, cell: Cell, speed: float = 1.0) -> CheckReport:
+    """Plan a path and tell the verdict. Raises InvalidError as `plan` does."""
+    outcome = draw_up(path, cell, speed)
+    if outcome.plan is None or outcome.rows is None:
+        return CheckReport(False, None, outcome.problems, ())
+    return CheckReport(True, outcome.plan.duration_s, (), _margins(outcome, outcome.rows))
+
+
+def _margins(outcome: Outcome, rows: Samples) -> tuple[Margin, ...]:
+    low, high = outcome.setup.ranges.T
+    room = np.degrees(np.minimum(rows.joints - low, high - rows.joints))
+    speed, acceleration = rates(rows.t, rows.joints)
+    return tuple(
+        Margin(
+            name,
+            *_worst(outcome, rows, -room[:, joint], -1.0, 0),
+            *_worst(outcome, rows, np.abs(speed[:, joint]), outcome.setup.speeds[joint], 1),
+            *_worst(
+                outcome, rows, np.abs(acceleration[:, joint]), outcome.setup.accelerations[joint], 1
+            ),
+        )
+        for joint, name in enumerate(JOINT_NAMES)
+    )
+
+
+def _worst(
+    outcome: Outcome, rows: Samples, values: Floats, unit: float, offset: int
+) -> tuple[float, str]:
+    """The largest value in units, and the place of its row."""
+    if not len(values):
+        return 0.0, "the start"
+    row = int(values.argmax())
+    return float(values[row] / unit), where(outcome.blocks, rows, row + offset)
