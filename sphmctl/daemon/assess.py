@@ -111,16 +111,20 @@ def progress(plan_t: Floats, plan_deg: Floats, rows_deg: Floats) -> Floats:
 
 
 def skew(plan_t: Floats, plan_joints_deg: Floats, truth_t: Floats, truth_deg: Floats) -> Skew:
-    """The figures of `skew_trace`. Joints are A1..A6, theta7..theta9, shapes (n, 9) and (m, 9)."""
-    trace = skew_trace(plan_t, plan_joints_deg, truth_t, truth_deg)
-    if truth_t.size == 0:
+    """The figures of one run. Joints are A1..A6, theta7..theta9, shapes (n, 9) and (m, 9)."""
+    return skew_figures(skew_trace(plan_t, plan_joints_deg, truth_t, truth_deg))
+
+
+def skew_figures(trace: SkewTrace) -> Skew:
+    """The percentiles and extremes of a trace."""
+    if trace.tau_s.size == 0:
         return Skew(None, None, None, 0.0, None)
     worst_deg = float(np.abs(trace.crank_error_deg).max())
     counted = trace.skew_ms[~np.isnan(trace.skew_ms)]
     if counted.size == 0:
         return Skew(None, None, None, 0.0, worst_deg)
     p50, p99 = np.percentile(counted, [50.0, 99.0])
-    share = counted.size / truth_t.size
+    share = counted.size / trace.tau_s.size
     return Skew(float(p50), float(p99), float(counted.max()), share, worst_deg)
 
 
@@ -190,22 +194,24 @@ def named_points(
 ) -> tuple[PointResult, ...]:
     """Each named point with the pose that came nearest to it, in the order of the plan.
 
-    The pose is sought on the straight joint lines between the rows (m, 9), deg, that were within
-    `NEAR_POINT_S` of the point and not before the point visited last.
+    The pose is sought on the straight joint lines between the rows (m, 9), deg, that are within
+    `NEAR_POINT_S` of the point and nearer to it than to its neighbours in plan time.
     """
     tau = progress(plan.t, np.degrees(plan.joints), rows_deg)
     reached_m = tool_in_base(plan, rows_deg, mount_yaw_rad)[:, :3, 3]
+    when = np.unique(plan.t[[point.sample for point in plan.points]])
+    middles = np.concatenate([[-np.inf], 0.5 * (when[1:] + when[:-1]), [np.inf]])
     results = []
-    first = 0
     for point in plan.points:
-        pose = plan.tool[point.sample]
-        near = np.flatnonzero(np.abs(tau - plan.t[point.sample]) <= NEAR_POINT_S)
-        near = near[near >= first]
+        pose, at_s = plan.tool[point.sample], plan.t[point.sample]
+        here = np.searchsorted(when, at_s)
+        low, high = middles[here], middles[here + 1]
+        near = np.flatnonzero((np.abs(tau - at_s) <= NEAR_POINT_S) & (low <= tau) & (tau <= high))
         reached = None
         if near.size:
             gap_m = np.linalg.norm(reached_m[near] - pose[:3, 3], axis=1)
-            first = int(near[np.argmin(gap_m)])
-            joints = _nearest_joints(rows_deg, reached_m, first, pose[:3, 3])
+            row = int(near[np.argmin(gap_m)])
+            joints = _nearest_joints(rows_deg, reached_m, row, pose[:3, 3])
             reached = tool_in_base(plan, joints[None], mount_yaw_rad)[0]
         results.append(_compare(point.name, pose, reached))
     return tuple(results)

@@ -40,6 +40,10 @@ RATE_RANGE = (0.2, 1.5)
 """Speeds against the override's that are believed."""
 
 
+UNKNOWN_S = math.inf
+"""Instant of a begin that cannot be foretold: the arm is seen to move before it is followed."""
+
+
 @dataclass(frozen=True)
 class Stretch:
     """A piece of the plan: the arm drives one block, or stands while time passes.
@@ -81,7 +85,7 @@ class Follower:
 
     Args:
         plan: what the arm drives.
-        begin_s: host time before which nothing moves.
+        begin_s: host time of the first look at the arm.
     """
 
     def __init__(self, plan: Plan, begin_s: float) -> None:
@@ -94,7 +98,8 @@ class Follower:
         self.pieces = stretches(plan)
         self._index = 0
         self._tau = float(plan.t[0])
-        self._at_s = begin_s
+        # When the stretch was, or will be, at `_tau`; UNKNOWN_S for a block nobody has seen begin.
+        self._at_s = begin_s if self.pieces and not self.pieces[0].sequence else UNKNOWN_S
         self._override = 1.0
         self._scale = 1.0
         self._stopped = False
@@ -143,6 +148,9 @@ class Follower:
             self._enter_next(at_s)
         if piece is not None and piece.sequence:
             self._measure(piece, joints, at_s)
+        else:
+            stand = self._arm[-1 if piece is None else piece.first]
+            self.off_plan_rad = float(np.abs(joints - stand).max())
 
     def tau(self, host_s: float) -> float:
         """Plan time at which the arm is, was or will be at a host time."""
@@ -196,7 +204,10 @@ class Follower:
         over_s = self._at_s + end - self._tau
         if at_s >= over_s:
             self._index += 1
-            self._tau, self._at_s, self._begun = end, over_s, False
+            following = self.piece
+            driven = following is not None and following.sequence
+            self._tau, self._begun = end, False
+            self._at_s = UNKNOWN_S if driven else over_s
 
     def _enter_next(self, at_s: float) -> None:
         """The knot of this block was passed: expect the next stretch to begin."""
@@ -204,11 +215,14 @@ class Follower:
         end = float(self._t[piece.last])
         rate = max(self._rate(), self._override * self._scale)
         over_s = self._at_s + (end - self._tau) / rate if rate > 0.0 else at_s
-        over_s = min(over_s, at_s)
+        over_s = min(over_s, at_s)  # also where the block's begin was never seen
         self._index += 1
-        following = self.piece
-        gap_s = self._gap_s if following is not None and following.sequence else 0.0
-        self._tau, self._at_s, self._begun = end, over_s + gap_s, False
+        following = 0 if self.piece is None else self.piece.sequence
+        self._tau, self._begun = end, False
+        if following > self._published:
+            self._at_s = UNKNOWN_S
+        else:
+            self._at_s = over_s + (self._gap_s if following else 0.0)
 
     def _measure(self, piece: Stretch, joints: Floats, at_s: float) -> None:
         begin = float(self._t[piece.first])

@@ -118,7 +118,12 @@ class Events:
         t_s = round(self._clock() - self._start_s, 6)
         self.history.append((t_s, name, fields))
         if self._log is not None:
-            self._log.info(name, t_s=t_s, **fields)
+            try:
+                self._log.info(name, t_s=t_s, **fields)
+            except OSError as error:
+                # A full disk must not keep anybody from stopping a robot.
+                self.close()
+                self.add("events not recorded any more", message=error.strerror)
         if self._echo is not None:
             self._echo(name, fields)
 

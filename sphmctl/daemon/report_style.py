@@ -99,7 +99,8 @@ footer { margin-top: 34px; color: var(--soft); font-size: .85rem; }
     --good: #14683c; --bad: #9c1f18;
     --warn-page: #ffffff; --warn-ink: #000000; --level: #9c1f18;
   }
-  body { font-size: 9.5pt; } .figures { grid-template-columns: repeat(4, 1fr); } main { max-width: none; padding: 0; }
+  body { font-size: 9.5pt; } .figures { grid-template-columns: repeat(4, 1fr); }
+  main { max-width: none; padding: 0; }
   .banner { border: 2px solid #000000; }
   .card, tr { break-inside: avoid; } h2 { break-after: avoid; }
   .panels { grid-template-columns: repeat(3, 1fr); } .pair { grid-template-columns: 1fr 1fr; }

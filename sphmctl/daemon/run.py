@@ -6,6 +6,7 @@ import asyncio
 import dataclasses
 import json
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -29,6 +30,7 @@ from sphmctl.daemon.report import Event, ReportInput, Trace, write_report
 from sphmctl.daemon.session import Consent, Outcome, Session
 from sphmctl.drivers.kuka import KukaArm
 from sphmctl.drivers.wrist import Wrist
+from sphmctl.errors import InvalidError, SphmctlError
 from sphmctl.motion import Floats, Plan
 from sphmctl.robots import sphm
 
@@ -108,7 +110,12 @@ async def run_job(
         session.report_to(events)
         try:
             rows = _Rows()
-            outcome = await _play(job, session, approach, stop, on_progress, folder, rows)
+            try:
+                outcome = await _play(job, session, approach, stop, on_progress, folder, rows)
+            except SphmctlError:
+                # Only ever before motion: there is nothing to keep.
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
             return _conclude(job, folder, outcome, rows, truth, events)
         finally:
             events.close()
@@ -143,9 +150,14 @@ async def _play(
 
 
 def _write_inputs(folder: Path, job: Job) -> None:
-    (folder / "path.yaml").write_text(job.path_text)
-    (folder / "cell.yaml").write_text(dump(job.cell))
-    (folder / "plan.csv").write_text(planner.plan_csv(job.plan))
+    try:
+        (folder / "path.yaml").write_text(job.path_text)
+        (folder / "cell.yaml").write_text(dump(job.cell))
+        (folder / "plan.csv").write_text(planner.plan_csv(job.plan))
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        message = f"the run's folder cannot be written: {error.strerror}; make room on the disk"
+        raise InvalidError(message, str(folder)) from error
 
 
 def _conclude(
@@ -200,8 +212,9 @@ class _Assessment:
         self.truth: assess.Tracking | None = None
         if true.size:
             t, joints = true[:, 0], true[:, 1:]
-            self.skew = assess.skew(plan.t, plan_deg, t, joints)
-            self.trace = Trace(t, assess.skew_trace(plan.t, plan_deg, t, joints))
+            trace = assess.skew_trace(plan.t, plan_deg, t, joints)
+            self.skew = assess.skew_figures(trace)
+            self.trace = Trace(t, trace)
             self.truth = assess.tracking(plan, joints, mount_yaw_rad=yaw, complete=complete)
 
     def summary(self) -> dict[str, Any]:

@@ -191,16 +191,17 @@ class Session:
             on_progress: takes the plan time reached.
 
         Raises:
-            DeviceError: arming failed; nothing moved.
+            DeviceError: the robot was moved since `prepare`, or arming failed; nothing moved.
         """
         speeds = [
             np.abs(np.diff(p.joints[:, 6:], axis=0) / np.diff(p.t)[:, None]).max()
             for p in (approach, plan)
             if p is not None
         ]
+        first = plan if approach is None else approach
+        await self._still_there(first)
         await self._wrist.arm(float(max(speeds)))
         self._events.add("armed")
-        first = plan if approach is None else approach
         loop = WristLoop(self._wrist, first.joints[0, 6:], self._events)
         task = asyncio.create_task(loop.run(), name="wrist loop")
         outcome = Outcome()
@@ -215,10 +216,21 @@ class Session:
         finally:
             loop.source = Hold(loop.goal)
             loop.end()
-            await task
+            await asyncio.gather(task, return_exceptions=True)
             await self._disarm(outcome)
         self._events.add(outcome.outcome, cause=outcome.cause, late_cycles=loop.late_cycles)
         return outcome
+
+    async def _still_there(self, first: Plan) -> None:
+        """Refuse when somebody moved the robot while the question stood."""
+        away = np.abs(await self.measured() - first.joints[0])
+        worst = int(np.argmax(away))
+        if away[worst] > 2.0 * AT_START_RAD:
+            raise DeviceError(
+                f"{JOINT_NAMES[worst]} was moved by {math.degrees(away[worst]):.1f} degrees while "
+                "the question stood; start the run again",
+                "cell",
+            )
 
     async def _drive(
         self,
@@ -249,8 +261,8 @@ class Session:
             outcome.outcome, outcome.cause = "completed", ""
         except StopRequestedError as error:
             outcome.outcome, outcome.cause = "stopped", str(error)
-        except (SphmctlError, TimeoutError) as error:
-            outcome.outcome, outcome.cause = "faulted", str(error) or "the controller took too long"
+        except SphmctlError as error:
+            outcome.outcome, outcome.cause = "faulted", str(error)
             self._events.add("fault", message=outcome.cause)
         finally:
             if main:

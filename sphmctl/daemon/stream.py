@@ -27,8 +27,8 @@ from sphmctl.motion import Floats, Plan
 CYCLE_S = 0.010
 """The wrist's cycle: behind an ATmega16U2 one exchange lasts up to 6.1 ms, so 100 Hz is safe."""
 
-LATE_S = 0.005
-"""A cycle that begins later than this is an event."""
+LATE_S = CYCLE_S
+"""A cycle that begins later than this is an event: an instant was missed."""
 
 BEAT_S = 0.040
 """Heartbeat period; the program wants one at least every 50 ms and holds after 120 ms."""
@@ -56,6 +56,9 @@ RECONNECT_S = 2.0
 
 SETTLED_RAD = math.radians(0.1)
 """Cranks that move less than one count between two looks stand."""
+
+AT_GOAL_RAD = math.radians(0.2)
+"""Where a crank may come to rest: a dead band of a count, and rounding twice."""
 
 
 class GoalSource(Protocol):
@@ -104,7 +107,18 @@ class WristLoop:
         self._ending = True
 
     async def run(self) -> None:
-        """Cycle until `end`; a lost port becomes `fault`."""
+        """Cycle until `end`; a lost port, or a mistake of ours, becomes `fault`."""
+        try:
+            await self._cycle()
+        except DeviceError as error:
+            self.fault = str(error)
+        except Exception as error:
+            # This task must not die unseen: the arm would drive on without the wrist.
+            self.fault = f"the wrist's loop failed: {error!r}"
+        if self.fault:
+            self._events.add("wrist lost", message=self.fault)
+
+    async def _cycle(self) -> None:
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         while not self._ending:
@@ -115,12 +129,7 @@ class WristLoop:
                 # A missed instant is not made up for.
                 due_s += math.floor(late_s / CYCLE_S) * CYCLE_S
             self.goal = self.source.goals(loop.time())
-            try:
-                self.latest = await self._wrist.exchange(self.goal)
-            except DeviceError as error:
-                self.fault = str(error)
-                self._events.add("wrist lost", message=str(error))
-                return
+            self.latest = await self._wrist.exchange(self.goal)
             self.source.observe(self.latest)
             due_s += CYCLE_S
             await asyncio.sleep(max(0.0, due_s - loop.time()))
@@ -165,6 +174,8 @@ class Motion:
         self._beat_s = -math.inf
         self._cause: str | None = None
         self._braking = False
+        self._recording = True
+        self._stop = asyncio.Event()
         self._states: deque[ArmState] = deque(maxlen=2)
         self._pending: deque[WristState] = deque(maxlen=PENDING_LIMIT)
         self._follower: Follower
@@ -197,6 +208,7 @@ class Motion:
             DeviceError: the controller is lost; the same.
             StopRequestedError: `stop` was set; the same.
         """
+        self._stop = stop
         await self._prepare()
         loop = asyncio.get_running_loop()
         self.begin_s = loop.time()
@@ -205,11 +217,7 @@ class Motion:
             await self._arm.command(krc.Command.RUN)
         while True:
             state = await self._turn()
-            if stop.is_set():
-                raise StopRequestedError("a stop was asked for")
-            cause = self._cause or self._wrist.fault
-            if cause:
-                raise FaultError(cause)
+            self._check()
             ended = state.status is krc.Status.ENDED or not self._total
             if ended and self._follower.piece is None:
                 break
@@ -230,12 +238,13 @@ class Motion:
         while loop.time() < limit_s:
             try:
                 if not self._arm.connected:
-                    await self._arm.connect()
+                    async with asyncio.timeout_at(limit_s):
+                        await self._arm.connect()
                 if not told:
                     await self._arm.command(krc.Command.STOP)
                     told = True
                 state = await self._turn()
-            except DeviceError as error:
+            except (DeviceError, TimeoutError) as error:
                 self._events.add("controller not reached while stopping", message=str(error))
                 if loop.time() + RECONNECT_S > limit_s:
                     break
@@ -272,7 +281,7 @@ class Motion:
             now = latest.cranks if latest else None
             if before is not None and cranks is not None and now is not None:
                 away = np.abs(now - self._plan.joints[-1, 6:]).max()
-                rest = np.abs(now - cranks).max() < SETTLED_RAD and away < 5 * SETTLED_RAD
+                rest = np.abs(now - cranks).max() < SETTLED_RAD and away < AT_GOAL_RAD
                 if rest and self._stands(before, state):
                     self._wrist.hold()
                     return
@@ -288,6 +297,15 @@ class Motion:
         while await self._feed(state):
             pass
         await self._beat()
+        self._check()
+
+    def _check(self) -> None:
+        """Leave as soon as there is a reason; looked at before each request that moves the arm."""
+        if self._stop.is_set():
+            raise StopRequestedError("a stop was asked for")
+        cause = self._cause or self._wrist.fault
+        if cause:
+            raise FaultError(cause)
 
     async def _turn(self) -> ArmState:
         """Read the arm once and learn from it."""
@@ -302,7 +320,8 @@ class Motion:
         )
         tau = follower.tau(state.at_s)
         self._note(self._watch.arm(state, follower.off_plan_rad))
-        expected = state.override_percent > 0 and state.status is krc.Status.RUNNING
+        # A hold that nobody here asked for, or a start that did not come, must not last for ever.
+        expected = state.override_percent > 0 and state.status is not krc.Status.ENDED
         self._note(self._watch.progress(tau, state.at_s, expected))
         self._states.append(state)
         self._pair()
@@ -326,6 +345,7 @@ class Motion:
         await self._arm.write_knot(sequence, knot.joints, knot.velocity, knot.acceleration)
         if sequence == self._total:
             await self._arm.declare_last(sequence)
+        self._check()
         await self._arm.publish(sequence)
         self._sent = sequence
         self._follower.publish(sequence)
@@ -341,8 +361,17 @@ class Motion:
             span_s = late.at_s - early.at_s
             share = (wrist.at_s - early.at_s) / span_s if span_s > 0.0 else 1.0
             arm = early.joints + min(1.0, max(0.0, share)) * (late.joints - early.joints)
-            tau = self._follower.tau(wrist.at_s)
-            self._on_row(wrist.at_s - self.begin_s, np.concatenate((arm, wrist.cranks)), tau)
+            self._record(wrist.at_s, np.concatenate((arm, wrist.cranks)))
+
+    def _record(self, at_s: float, joints: Floats) -> None:
+        """Hand out one row; what cannot be recorded ends the motion, but not its braking."""
+        if not self._recording:
+            return
+        try:
+            self._on_row(at_s - self.begin_s, joints, self._follower.tau(at_s))
+        except OSError as error:
+            self._recording = False
+            self._note(f"the record cannot be written: {error.strerror}; make room on the disk")
 
     def _note(self, cause: str | None) -> None:
         if cause is not None and self._cause is None and not self._braking:

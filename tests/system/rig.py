@@ -1,0 +1,287 @@
+"""Whole runs on the virtual clock: an emulated cell whose links can be heard, cut and stalled."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sphmctl import clock, planner
+from sphmctl.config import Cell, emulated_cell
+from sphmctl.daemon.record import Events
+from sphmctl.daemon.session import Outcome, Session
+from sphmctl.drivers.connect import make_arm, make_wrist
+from sphmctl.drivers.kuka import KukaArm
+from sphmctl.drivers.link import Link, MemoryLink
+from sphmctl.drivers.wrist import Wrist
+from sphmctl.emulators.cell import EmulatedCell, Setup
+from sphmctl.emulators.krc4 import Options
+from sphmctl.errors import DeviceError
+from sphmctl.motion import Floats, Plan
+from sphmctl.pathfile import load_path
+
+HOME = "[0, -90, 90, 0, 90, 0, 60, 60, 60]"
+AWAY = "[20, -80, 95, 10, 80, 15, 90, 70, 40]"
+
+SIDES = f"""
+version: 1
+name: two sides
+points:
+  S: {{joints_deg: {HOME}}}
+  P: {{joints_deg: {AWAY}}}
+moves: [{{ptp: S}}, {{ptp: P}}, {{ptp: S}}]
+"""
+"""Two sides of 0.7 s each, away and back, from where the emulated cell begins."""
+
+STEPS = f"""
+version: 1
+name: steps
+points:
+  S: {{joints_deg: {HOME}}}
+  P: {{joints_deg: {AWAY}}}
+moves: [{{ptp: S}}, {", ".join(["{ptp: P}, {ptp: S}"] * 7)}]
+"""
+"""Fourteen sides: more knots than are given to the controller ahead."""
+
+LINGER_S = 1.5
+"""After a run: how long the machine is watched for motion that should not be."""
+
+
+@cache
+def plan_of(text: str) -> Plan:
+    """The plan of a path file's text on the emulated cell."""
+    file = Path("/tmp") / f"sphmctl-rig-{abs(hash(text))}.yaml"
+    file.write_text(text)
+    try:
+        return planner.plan(load_path(file), emulated_cell())
+    finally:
+        file.unlink()
+
+
+@dataclass
+class Wire:
+    """One link of the cell, seen from the host."""
+
+    attach: Callable[[MemoryLink], None]
+    frames: list[tuple[float, bytes]] = field(default_factory=list)
+    deaf: bool = False
+    refused: bool = False
+    opened: int = 0
+    end: MemoryLink | None = None
+
+    async def open(self) -> Link:
+        """A fresh pipe to the emulator."""
+        if self.refused:
+            raise DeviceError("nothing listens there")
+        here, there = _HeardLink(self), MemoryLink()
+        here.join(there)
+        there.join(here)
+        self.attach(there)
+        self.end = there
+        self.opened += 1
+        return here
+
+    def cut(self) -> None:
+        """The other side goes away."""
+        if self.end is not None:
+            self.end.close()
+
+    def sent(self, since_s: float) -> list[tuple[float, bytes]]:
+        """What the host sent after an instant."""
+        return [(t, data) for t, data in self.frames if t > since_s]
+
+
+class _HeardLink(MemoryLink):
+    """The host's end: what it writes is noted, and lost while the wire is deaf."""
+
+    def __init__(self, wire: Wire) -> None:
+        super().__init__()
+        self._wire = wire
+
+    def write(self, data: bytes) -> None:
+        self._wire.frames.append((asyncio.get_running_loop().time(), data))
+        if not self._wire.deaf:
+            super().write(data)
+
+
+class Rig:
+    """An emulated cell, its drivers and a session; made inside the running loop."""
+
+    def __init__(
+        self, seed: int = 1, setup: Setup | None = None, options: Options | None = None
+    ) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.emulated = EmulatedCell(seed, setup, options=options)
+        self.kvp = Wire(self.emulated.kvp.attach)
+        self.bus = Wire(lambda end: self.emulated.bus.attach(end, 1_000_000))
+        self.cell: Cell = emulated_cell()
+        self.arm: KukaArm = make_arm(self.cell, self.kvp.open)
+        self.wrist: Wrist = make_wrist(self.cell, self.bus.open)
+        self.events = Events(None, self.loop.time)
+        self.session = Session(self.cell, self.arm, self.wrist, self.events)
+        self.stop = asyncio.Event()
+        self.rows: list[tuple[float, Floats, float]] = []
+        self.tau = 0.0
+        self.acted_s = float("nan")
+
+    def write(self, name: str, text: str) -> None:
+        """What another client of the controller writes."""
+        self.emulated.world.advance()
+        assert self.emulated.controller.store.write_text(name, text)
+
+    def act(self) -> None:
+        """Note that now something happens to the run."""
+        self.acted_s = self.loop.time()
+
+    async def until(self, met: Callable[[], bool], limit_s: float = 30.0) -> None:
+        """Wait for a condition, looked at each millisecond."""
+        end_s = self.loop.time() + limit_s
+        while not met():
+            assert self.loop.time() < end_s, "what the test waits for did not happen"
+            await asyncio.sleep(0.001)
+
+    async def until_event(self, name: str) -> None:
+        """Wait until an event is reported."""
+        await self.until(lambda: any(event == name for _, event, _ in self.events.history))
+
+    async def until_tau(self, tau_s: float) -> None:
+        """Wait until the plan is driven so far."""
+        await self.until(lambda: self.tau >= tau_s)
+
+    def torques(self) -> list[int]:
+        """Torque Enable of the three servos, as it is."""
+        return [servo.table["torque_enable"] for servo in self.emulated.servos]
+
+    def _row(self, t_s: float, joints: Floats, tau_s: float) -> None:
+        self.rows.append((t_s, joints, tau_s))
+
+    def _progress(self, tau_s: float) -> None:
+        self.tau = tau_s
+
+    async def play(self, plan: Plan) -> Outcome:
+        """Connect, verify, consent and drive."""
+        await self.session.open()
+        await self.session.verify()
+        approach = await self.session.prepare(plan, agree)
+        return await self.session.play(plan, approach, self.stop, self._row, self._progress)
+
+    async def close(self) -> None:
+        """End it all."""
+        await self.session.close()
+        await self.emulated.close()
+
+
+async def agree(question: str) -> bool:
+    """Consent."""
+    return True
+
+
+Script = Callable[[Rig], Awaitable[None]]
+
+
+@dataclass
+class Ended:
+    """A run that is over, and what the machine really did.
+
+    Attributes:
+        truth: time on the loop's clock and nine true joints (deg), from the begin of the session
+            to `LINGER_S` after its end.
+        end_s: when `play` returned.
+        left_over: tasks that the run left behind.
+    """
+
+    rig: Rig
+    outcome: Outcome
+    truth: Floats
+    end_s: float
+    torques: list[int]
+    left_over: list[str]
+
+    @property
+    def decided_s(self) -> float:
+        """When the run learnt that it must end: the first fault, or the test's own act."""
+        start_s = self.rig.emulated.world.start_s
+        faults = [t for t, name, _ in self.rig.events.history if name in ("fault", "wrist lost")]
+        return start_s + faults[0] if faults else self.rig.acted_s
+
+    def event(self, name: str) -> dict[str, Any]:
+        """The fields of the first event of that name."""
+        return next(fields for _, event, fields in self.rig.events.history if event == name)
+
+    def moved_deg(self, from_s: float, to_s: float = float("inf")) -> Floats:
+        """How far each true joint went between two instants, at most."""
+        t, joints = self.truth[:, 0], self.truth[:, 1:]
+        part = joints[(t >= from_s) & (t <= to_s)]
+        result: Floats = np.abs(part - part[0]).max(axis=0) if len(part) else np.zeros(9)
+        return result
+
+    def orders_after(self, since_s: float) -> list[str]:
+        """What could set the arm in motion and was sent after an instant."""
+        found = []
+        for t_s, frame in self.rig.kvp.sent(since_s):
+            name, value = _written(frame)
+            moves = name.startswith(("SPH_KNOT", "SPH_WR", "SPH_LAST", "SPH_SESSION"))
+            if moves or (name == "SPH_CMD" and value == "1"):
+                found.append(f"{t_s - since_s:+.4f} s {name} = {value}")
+        return found
+
+    def goals_after(self, since_s: float) -> list[tuple[int, ...]]:
+        """Crank goals (ticks) that were sent after an instant."""
+        return [goal for _, frame in self.rig.bus.sent(since_s) for goal in goals_in(frame)]
+
+
+def goals_in(data: bytes) -> list[tuple[int, ...]]:
+    """Goals in the sync writes to Goal Position(116): 29 bytes for three servos."""
+    head = bytes.fromhex("FF FF FD 00 FE 16 00 83 74 00 04 00")
+    at = data.find(head)
+    if at < 0:
+        return []
+    return [struct.unpack("<xixixi", data[at + len(head) : at + len(head) + 15])]
+
+
+def _written(frame: bytes) -> tuple[str, str]:
+    """Name and value of a KUKAVARPROXY write request; empty for a read."""
+    function, name_bytes = struct.unpack_from(">BH", frame, 4)
+    if function != 1:
+        return "", ""
+    return frame[7 : 7 + name_bytes].decode(), frame[9 + name_bytes :].decode()
+
+
+def run(
+    script: Script | None = None,
+    *,
+    path: str = SIDES,
+    seed: int = 1,
+    setup: Setup | None = None,
+    options: Options | None = None,
+) -> Ended:
+    """Drive a path while `script` does something to the cell."""
+
+    async def main() -> Ended:
+        before = asyncio.all_tasks()
+        rig = Rig(seed, setup, options)
+        task = None if script is None else asyncio.ensure_future(script(rig))
+        try:
+            outcome = await rig.play(plan_of(path))
+            end_s = rig.loop.time()
+            torques = rig.torques()
+            if task is not None:
+                await task
+            await asyncio.sleep(LINGER_S)
+            rows = np.array(rig.emulated.truth(0.0, rig.loop.time()))
+            rows[:, 0] += rig.emulated.world.start_s
+        finally:
+            if task is not None:
+                task.cancel()
+            await rig.close()
+        await asyncio.sleep(0)
+        left_over = [t.get_name() for t in asyncio.all_tasks() - before]
+        return Ended(rig, outcome, rows, end_s, torques, left_over)
+
+    return clock.run(main(), virtual=True)
