@@ -23,6 +23,7 @@ RING = 64
 LATE_MS = 120
 LOST_MS = 1000
 
+CMD_IDLE = 0
 CMD_RUN = 1
 CMD_STOP = 3
 
@@ -124,9 +125,9 @@ class Program:
         self._publish(time_ms)
 
     def _session_taken(self) -> bool:
-        """Take a new session, at standstill and while the robot interpreter runs."""
+        """Take a new session, at standstill, on CMD_IDLE, and while the robot interpreter runs."""
         session = self._int("SPH_SESSION")
-        if session <= 0 or session == self._session:
+        if session <= 0 or session == self._session or self._int("SPH_CMD") != CMD_IDLE:
             return False
         if self._arm.busy or self._panel.program_state != "P_ACTIVE":
             return False
