@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
@@ -27,7 +28,7 @@ CellOption = Annotated[
     typer.Option(
         "--cell",
         metavar="FILE",
-        help="The cell file. Else $SPHMCTL_CELL, else ./cell.yaml, else the packaged emulated cell.",
+        help="The cell file. Else $SPHMCTL_CELL, else ./cell.yaml, else the packaged emulation.",
     ),
 ]
 
@@ -93,3 +94,33 @@ def numbers(text: str, count: int, option: str) -> list[float]:
             option,
         )
     return values
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[TextIO]:
+    """A text file that appears at `path` when the block ends, and not at all when it fails.
+
+    It is made at the start, beside `path`, so that a folder that is missing is told before the
+    work. A device or a pipe is written as it is.
+
+    Raises:
+        InvalidError: it cannot be written.
+    """
+    if path.is_dir():
+        raise InvalidError("this is a folder; name a file", str(path))
+    special = path.exists() and not path.is_file()
+    final = path if special else Path(os.path.realpath(path))
+    part = final if special else final.with_name(f".{os.getpid()}.part")
+    try:
+        with part.open("w", encoding="utf-8", newline="") as stream:
+            yield stream
+        if not special:
+            part.replace(final)
+    except BaseException as problem:
+        if not special:
+            part.unlink(missing_ok=True)
+        if not isinstance(problem, OSError) or isinstance(problem, BrokenPipeError):
+            raise
+        reason = problem.strerror or str(problem)
+        hint = "; make the folder first" if not final.parent.is_dir() else ""
+        raise InvalidError(f"the file cannot be written: {reason}{hint}", str(path)) from problem

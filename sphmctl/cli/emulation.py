@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -62,11 +63,8 @@ async def open_devices(
         return Devices(make_arm(cell), make_wrist(cell))
     emulated = EmulatedCell(seed, setup_of(cell), latency=latency, truth=sink)
     if virtual:
-        here_kvp, there_kvp = memory_pair()
-        here_bus, there_bus = memory_pair()
-        emulated.attach(there_kvp, there_bus, cell.wrist.baud)
-        arm = make_arm(cell, _once(here_kvp))
-        wrist = make_wrist(cell, _once(here_bus))
+        arm = make_arm(cell, _memory(emulated.kvp.attach))
+        wrist = make_wrist(cell, _memory(lambda end: emulated.bus.attach(end, cell.wrist.baud)))
     else:
         port, device = await emulated.serve()
         served = with_endpoints(cell, port, device)
@@ -86,8 +84,12 @@ def with_endpoints(cell: Cell, kvp_port: int, wrist_port: str | Path) -> Cell:
     return cell.model_copy(update={"arm": arm, "wrist": wrist})
 
 
-def _once(link: MemoryLink) -> LinkOpener:
+def _memory(attach: Callable[[MemoryLink], None]) -> LinkOpener:
+    """Opens a new pipe each time, whose other end `attach` serves."""
+
     async def connect() -> Link:
-        return link
+        here, there = memory_pair()
+        attach(there)
+        return here
 
     return connect

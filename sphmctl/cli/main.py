@@ -28,9 +28,9 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help=(
         "Plays one path on a KUKA KR6 R900 and the 3-RRS parallel wrist on its flange, in step.\n\n"
-        "Begin with [bold]sphmctl run configs/paths/octagon.yaml --dry-run[/bold]: both devices are "
-        "emulated, nothing moves. Software stops are not a safety function: the emergency stop, the "
-        "gates and the enabling switch of the cell are."
+        "Begin with [bold]sphmctl run configs/paths/octagon.yaml --dry-run[/bold]: both devices "
+        "are emulated, nothing moves. Software stops are not a safety function: the emergency "
+        "stop, the gates and the enabling switch of the cell are."
     ),
 )
 
@@ -58,7 +58,8 @@ def run(arguments: list[str]) -> int:
         _fail(as_json, error.exit_code, error.message, error.where)
         return error.exit_code
     except typer.exceptions.TyperException as error:
-        _fail(as_json, USAGE_EXIT, error.format_message(), "command line")
+        # Without any arguments typer prints its help, and has nothing to say.
+        _fail(as_json, USAGE_EXIT, error.format_message() or "give a command", "command line")
         return USAGE_EXIT
     except typer.exceptions.Abort:
         _fail(as_json, 130, "interrupted", "")

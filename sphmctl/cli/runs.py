@@ -17,7 +17,6 @@ from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, say
 from sphmctl.errors import InvalidError, UsageError
 
 if TYPE_CHECKING:
-    from sphmctl.config import Cell
     from sphmctl.daemon.run import Job
 
 EXIT_FAULT = 6

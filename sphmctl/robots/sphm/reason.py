@@ -8,13 +8,14 @@ from numpy.typing import ArrayLike
 from sphmctl.errors import Problem
 from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.robots import kr6
+from sphmctl.robots.geometry import TURN
 from sphmctl.robots.kr6_model import (
     AXIS2_FORWARD_M,
     AXIS2_HEIGHT_M,
     FOREARM_LENGTH_M,
     UPPER_ARM_M,
 )
-from sphmctl.robots.sphm.chain import RANGES9, flange_target, turned
+from sphmctl.robots.sphm.chain import RANGES9, flange_target
 
 
 def why_not(
@@ -41,7 +42,8 @@ def why_not(
     branches = branches[~np.isnan(branches[:, 0])]
     if len(branches) == 0:
         return _out_of_reach(target, where)
-    arm = turned(branches, bounds[:6].mean(axis=1), bounds[:6])
+    # The turn nearest to the middle of a range is the one that misses it by least.
+    arm = branches + TURN * np.round((bounds[:6].mean(axis=1) - branches) / TURN)
     excess = np.maximum(bounds[:6, 0] - arm, arm - bounds[:6, 1]).max(axis=1)
     best = np.concatenate([arm[np.argmin(excess)], cranks])
     if np.isnan(kr6.snap_to_range(best, bounds)).any():

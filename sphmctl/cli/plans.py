@@ -1,0 +1,126 @@
+"""The commands `check` and `plan`: whether a path can be driven, and the plan that does it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, whole_file
+
+INFEASIBLE_EXIT = 4
+
+PathArgument = Annotated[Path, typer.Argument(metavar="PATH", help="The path file.")]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="Scale the plan in time, same path. Else the cell's speed_percent; real cells 10.",
+    ),
+]
+
+
+def check(
+    path: PathArgument,
+    speed: SpeedOption = None,
+    cell: CellOption = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Tell whether a path can be driven, in what time, and how near to the limits.
+
+    Nothing moves. The whole plan is checked against reach, and against ranges,
+    speeds and accelerations of all nine joints and of the tool. Exit code 4
+    when it cannot be driven, with place, joint, value and limit.
+
+    Example: sphmctl check configs/paths/octagon.yaml --speed 50
+    """
+    from dataclasses import asdict
+
+    from sphmctl import planner
+    from sphmctl.pathfile import load_path
+
+    chosen = cell_of(cell)
+    percent = chosen.plan_speed_percent if speed is None else speed
+    report = planner.check(load_path(path), chosen, percent / 100.0)
+    put(as_json, asdict(report), _show_report)
+    return 0 if report.feasible else INFEASIBLE_EXIT
+
+
+def plan(
+    path: PathArgument,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE.csv", help="The file to write, whole or not at all.")
+    ],
+    speed: SpeedOption = None,
+    cell: CellOption = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Write a path's plan as CSV: time, joints, tool pose, and the arm's stops.
+
+    Nothing moves. The columns are t_s, a1_deg to a6_deg, theta7_deg to
+    theta9_deg, x_mm, y_mm, z_mm, a_deg, b_deg, c_deg in the path's base frame,
+    and knot, the number of the stop that the arm makes there. A file of that
+    name is replaced. Exit code 4 when the path cannot be driven.
+
+    Example: sphmctl plan configs/paths/octagon.yaml --out octagon.csv
+    """
+    from sphmctl import planner
+    from sphmctl.pathfile import load_path
+
+    chosen = cell_of(cell)
+    percent = chosen.plan_speed_percent if speed is None else speed
+    wanted = load_path(path)
+    with whole_file(out) as stream:
+        made = planner.plan(wanted, chosen, percent / 100.0)
+        stream.write(planner.plan_csv(made))
+    document = {
+        "name": made.name,
+        "out": str(out),
+        "duration_s": made.duration_s,
+        "speed_percent": percent,
+        "rows": len(made.t),
+        "knots": len(made.knots),
+        "points": [
+            {"name": point.name, "t_s": float(made.t[point.sample])} for point in made.points
+        ],
+        "notes": list(made.notes),
+    }
+    put(as_json, document, _show_plan)
+    return 0
+
+
+def _show_report(document: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    if not document["feasible"]:
+        for problem in document["problems"]:
+            where = f"{problem['where']}: " if problem["where"] else ""
+            print(f"{where}{problem['message']}")
+        count = len(document["problems"])
+        print(f"not feasible: {count} problem{'s' if count > 1 else ''}")
+        return
+    table = Table(title="how near each joint comes to its limits", title_justify="left")
+    table.add_column("joint")
+    table.add_column("to range end, deg", justify="right")
+    table.add_column("at", overflow="fold")
+    table.add_column("speed, %", justify="right")
+    table.add_column("acceleration, %", justify="right")
+    for margin in document["margins"]:
+        table.add_row(
+            margin["joint"],
+            f"{margin['range_deg']:.3f}",
+            margin["range_where"],
+            f"{100.0 * margin['speed_share']:.1f}",
+            f"{100.0 * margin['acceleration_share']:.1f}",
+        )
+    console.print(table)
+    print(f"feasible: {document['duration_s']:.2f} s")
+
+
+def _show_plan(document: dict[str, Any]) -> None:
+    for note in document["notes"]:
+        print(note)
+    print(f"{document['out']}: {document['rows']} rows, {document['duration_s']:.2f} s")
