@@ -8,15 +8,24 @@ from __future__ import annotations
 
 import asyncio
 import ctypes
+import math
 import os
 import selectors
-from collections.abc import Coroutine
+import time
+from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 CLOCK_MONOTONIC = 1
 """Linux <time.h>: the clock of `time.monotonic`, which asyncio uses."""
+
+TFD_TIMER_ABSTIME = 1
+"""Linux <sys/timerfd.h>: the time given is an instant of the clock, not a duration."""
+
+SAME_INSTANT_S = 1e-6
+"""A timer set for this much later will do: asyncio hands over durations, which lose some hundred
+nanoseconds on the way to an instant, differently in each wait."""
 
 VIRTUAL_START_S = 1000.0
 """Where virtual time begins: not 0, so that nobody mistakes an instant for a duration."""
@@ -37,7 +46,8 @@ class PreciseSelector(selectors.EpollSelector):
 
     epoll_wait counts whole milliseconds and asyncio rounds up, so that stock timers are 0.7 ms
     late in the median (python/cpython issue 75720). Here a timerfd (Linux, timerfd_create(2)) ends
-    the wait instead.
+    the wait instead. It is set anew only for an earlier instant: the loop asks again when a wait
+    ends too soon, and most waits end by a file, with the timers as they were.
     """
 
     def __init__(self) -> None:
@@ -47,26 +57,35 @@ class PreciseSelector(selectors.EpollSelector):
         if self._timer < 0:
             raise OSError(ctypes.get_errno(), "timerfd_create failed")
         self.register(self._timer, selectors.EVENT_READ)
+        self._set_for_s = math.inf
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """As `EpollSelector.select`, to the precision of the kernel's timers."""
-        if timeout is None or timeout <= 0:
-            return [event for event in super().select(timeout) if event[0].fd != self._timer]
-        seconds, rest = divmod(timeout, 1.0)
-        # A zero timer would be a disarmed one.
-        value = _TimeSpec(int(seconds), max(1, int(rest * 1e9)))
-        spec = _TimerSpec(_TimeSpec(0, 0), value)
-        self._libc.timerfd_settime(self._timer, 0, ctypes.byref(spec), None)
-        events = super().select(None)
-        ours = [event for event in events if event[0].fd != self._timer]
-        if len(ours) < len(events):
-            os.read(self._timer, 8)
-        return ours
+        if timeout is not None and timeout > 0:
+            at_s = time.monotonic() + timeout
+            if at_s + SAME_INSTANT_S < self._set_for_s:
+                self._set_timer(at_s)
+            timeout = None
+        events = super().select(timeout)
+        for at, (key, _) in enumerate(events):
+            if key.fd == self._timer:
+                del events[at]
+                os.read(self._timer, 8)
+                self._set_for_s = math.inf
+                break
+        return events
 
     def close(self) -> None:
         """Close the timer and the epoll."""
         os.close(self._timer)
         super().close()
+
+    def _set_timer(self, at_s: float) -> None:
+        seconds, rest = divmod(at_s, 1.0)
+        value = _TimeSpec(int(seconds), int(rest * 1e9) + 1)
+        spec = _TimerSpec(_TimeSpec(0, 0), value)
+        self._libc.timerfd_settime(self._timer, TFD_TIMER_ABSTIME, ctypes.byref(spec), None)
+        self._set_for_s = at_s
 
 
 class _JumpSelector(selectors.SelectSelector):
@@ -75,11 +94,15 @@ class _JumpSelector(selectors.SelectSelector):
     def __init__(self) -> None:
         super().__init__()
         self.now_s = VIRTUAL_START_S
+        self.companion: Callable[[float, float], float] | None = None
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         if timeout is None:
             raise RuntimeError("nothing is scheduled any more: every task waits for another one")
-        self.now_s += max(timeout, 0.0)
+        until_s = self.now_s + max(timeout, 0.0)
+        if self.companion is not None and until_s > self.now_s:
+            until_s = self.companion(self.now_s, until_s)
+        self.now_s = until_s
         return []
 
 
@@ -93,6 +116,15 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Virtual seconds."""
         return self._jump.now_s
+
+    def accompany(self, ahead: Callable[[float, float], float] | None) -> None:
+        """Let a simulation outside the loop live in its time; None ends that.
+
+        Args:
+            ahead: called with now and the instant (s) to which time is about to jump; lives up to
+                there, or to the instant at which it has something for the loop, which it returns.
+        """
+        self._jump.companion = ahead
 
 
 def precise_loop() -> asyncio.AbstractEventLoop:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -17,6 +16,8 @@ from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, say
 from sphmctl.errors import InvalidError, UsageError
 
 if TYPE_CHECKING:
+    import asyncio
+
     from sphmctl.daemon.run import Job
 
 EXIT_FAULT = 6
@@ -89,6 +90,8 @@ def run(
 
 
 async def _run(job: Job, seed: int, virtual: bool, agreed: bool) -> tuple[dict[str, Any], int]:
+    import asyncio
+
     from sphmctl.cli.emulation import open_devices
     from sphmctl.daemon.run import run_job
 
@@ -101,12 +104,17 @@ async def _run(job: Job, seed: int, virtual: bool, agreed: bool) -> tuple[dict[s
                 job,
                 devices.arm,
                 devices.wrist,
-                _agree if agreed else _ask,
+                _agree if agreed else lambda question: _ask(question, stop),
                 stop,
                 on_progress,
                 _echo,
                 devices.truth,
             )
+        except UsageError as error:
+            # A Ctrl-C at the question is a no, but leaves as a Ctrl-C does.
+            if received:
+                error.exit_code = EXIT_SIGNAL[signal.Signals(received[0])]
+            raise
         finally:
             await devices.close()
     code = 0 if summary["outcome"] == "completed" else EXIT_FAULT
@@ -118,6 +126,8 @@ async def _run(job: Job, seed: int, virtual: bool, agreed: bool) -> tuple[dict[s
 @contextmanager
 def _signals(stop: asyncio.Event, received: list[int]) -> Iterator[None]:
     """Turn Ctrl-C and SIGTERM into a request for a controlled stop."""
+    import asyncio
+
     loop = asyncio.get_running_loop()
 
     def request(number: int, frame: object) -> None:
@@ -168,15 +178,20 @@ async def _agree(question: str) -> bool:
     return True
 
 
-async def _ask(question: str) -> bool:
-    """Ask at the terminal; in a thread, so that the connection stays alive meanwhile."""
-
-    def ask() -> str:
-        print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
-        return sys.stdin.readline()
-
-    answer = await asyncio.get_running_loop().run_in_executor(None, ask)
-    return answer.strip().lower() in ("y", "yes")
+async def _ask(question: str, stop: asyncio.Event) -> bool:
+    """Ask at the terminal; the loop goes on meanwhile, and Ctrl-C is a no."""
+    loop = asyncio.get_running_loop()
+    answered = asyncio.Event()
+    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
+    loop.add_reader(sys.stdin.fileno(), answered.set)
+    waits = [asyncio.ensure_future(event.wait()) for event in (answered, stop)]
+    try:
+        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        loop.remove_reader(sys.stdin.fileno())
+        for wait in waits:
+            wait.cancel()
+    return not stop.is_set() and sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def _echo(name: str, fields: dict[str, Any]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import signal
 from pathlib import Path
@@ -60,6 +59,8 @@ def emulate(
 async def _emulate(
     cell: Cell, kvp_port: int, wrist_link: Path | None, latency: str, seed: int, truth: Path | None
 ) -> None:
+    import asyncio
+
     from sphmctl.cli.emulation import setup_of
     from sphmctl.daemon.record import TRUTH_COLUMNS, RowFile
     from sphmctl.emulators.cell import EmulatedCell
@@ -88,9 +89,7 @@ async def _emulate(
             rows.close()
 
 
-async def _serve(
-    emulated: EmulatedCell, kvp_port: int, wrist_link: Path | None
-) -> dict[str, Any]:
+async def _serve(emulated: EmulatedCell, kvp_port: int, wrist_link: Path | None) -> dict[str, Any]:
     try:
         port, device = await emulated.serve(kvp_port, wrist_link)
     except FileExistsError as error:
@@ -134,9 +133,7 @@ async def _doctor(cell: Cell) -> list[dict[str, Any]]:
         findings = await examine(cell, devices.arm, devices.wrist)
     finally:
         await devices.close()
-    return [
-        {"name": f.name, "ok": f.ok, "detail": f.detail, "remedy": f.remedy} for f in findings
-    ]
+    return [{"name": f.name, "ok": f.ok, "detail": f.detail, "remedy": f.remedy} for f in findings]
 
 
 def _show_checks(document: dict[str, Any]) -> None:

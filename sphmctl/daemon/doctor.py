@@ -124,8 +124,7 @@ async def state_of(cell: Cell, arm: KukaArm, wrist: Wrist) -> dict[str, Any]:
         return {
             "state": "moving" if moving else "ready" if first is None else "not ready",
             "cause": f"{first.name}: {first.detail}; {first.remedy}" if first else "",
-            "arm": _by_name(findings)
-            | {"joints_deg": [round(math.degrees(a), 4) for a in axes]},
+            "arm": _by_name(findings) | {"joints_deg": [round(math.degrees(a), 4) for a in axes]},
             "wrist": {
                 "servos": _servo_states(cell.wrist.ids, servos),
                 "cranks_deg": cranks,

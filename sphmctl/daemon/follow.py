@@ -13,7 +13,7 @@ import numpy as np
 from sphmctl.motion import Floats, Plan
 
 STILL_RAD = 1e-9
-"""Arm joints closer than this are the same point: a thousandth of what a controller's text shows."""
+"""Arm joints closer than this are one point: a thousandth of what a controller's text shows."""
 
 CORRECTION = 0.6
 """Share of a measured progress error that is believed at once, at full path speed."""

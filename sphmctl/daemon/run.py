@@ -189,6 +189,10 @@ def _conclude(
         "clock": job.clock,
         "notes": list(job.plan.notes),
     }
+    if job.clock == "real":
+        # The system's monotonic clock: an emulator in another process dates its truth by it.
+        summary["begin_monotonic_s"] = outcome.begin_s if math.isfinite(outcome.begin_s) else None
+        summary["end_monotonic_s"] = outcome.end_s
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     write_report(
         folder / "report.html", _report(job, folder, outcome, duration_s, rows, assessment, events)

@@ -17,8 +17,9 @@ from sphmctl import planner
 from sphmctl.config import Cell
 from sphmctl.daemon.follow import Lead
 from sphmctl.daemon.record import Events
-from sphmctl.daemon.stream import Hold, Motion, StopRequestedError, WristLoop
+from sphmctl.daemon.stream import Motion, StopRequestedError
 from sphmctl.daemon.watch import MEASURED_TOLERANCE_RAD
+from sphmctl.daemon.wrist_loop import Hold, WristLoop
 from sphmctl.drivers import krc_interface as krc
 from sphmctl.drivers.kuka import PROGRAM, ArmState, KukaArm
 from sphmctl.drivers.wrist import Finding, Wrist
@@ -187,7 +188,7 @@ class Session:
             plan: what to drive.
             approach: the way to its start, from `prepare`.
             stop: set it for a controlled stop.
-            on_row: takes (time since the begin, measured joints, plan time) once a cycle of the plan.
+            on_row: takes (time since the begin, measured joints, plan time) once a cycle.
             on_progress: takes the plan time reached.
 
         Raises:
@@ -301,8 +302,8 @@ class Session:
         if excess[worst] > MEASURED_TOLERANCE_RAD:
             low, high = np.degrees(ranges[worst])
             raise DeviceError(
-                f"{JOINT_NAMES[worst]} stands at {math.degrees(joints[worst]):.2f} degrees, outside "
-                f"{low:g} to {high:g}; move it back by hand or by the pendant",
+                f"{JOINT_NAMES[worst]} stands at {math.degrees(joints[worst]):.2f} degrees, "
+                f"outside {low:g} to {high:g}; move it back by hand or by the pendant",
                 "cell",
             )
 

@@ -11,24 +11,18 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
 from sphmctl.daemon.follow import Follower, Lead
 from sphmctl.daemon.record import Events
 from sphmctl.daemon.watch import Watch
+from sphmctl.daemon.wrist_loop import WristLoop
 from sphmctl.drivers import krc_interface as krc
 from sphmctl.drivers.kuka import ArmState, KukaArm
-from sphmctl.drivers.wrist import Wrist, WristState
+from sphmctl.drivers.wrist import WristState
 from sphmctl.errors import DeviceError, FaultError
 from sphmctl.motion import Floats, Plan
-
-CYCLE_S = 0.010
-"""The wrist's cycle: behind an ATmega16U2 one exchange lasts up to 6.1 ms, so 100 Hz is safe."""
-
-LATE_S = CYCLE_S
-"""A cycle that begins later than this is an event: an instant was missed."""
 
 BEAT_S = 0.040
 """Heartbeat period; the program wants one at least every 50 ms and holds after 120 ms."""
@@ -51,88 +45,14 @@ LOOK_S = 0.040
 SETTLE_S = 1.0
 """Time for the cranks to come to rest after the arm; five times the slowest servo's lag."""
 
-RECONNECT_S = 2.0
-"""Time in which a lost controller is asked again to confirm standstill."""
+RETRY_S = 0.2
+"""Pause before a lost controller is asked again, while there is time, to confirm standstill."""
 
 SETTLED_RAD = math.radians(0.1)
 """Cranks that move less than one count between two looks stand."""
 
 AT_GOAL_RAD = math.radians(0.2)
 """Where a crank may come to rest: a dead band of a count, and rounding twice."""
-
-
-class GoalSource(Protocol):
-    """Where the wrist's goals come from, and where its feedback goes."""
-
-    def goals(self, now_s: float) -> Floats:
-        """Crank goals to send now, rad, shape (3,)."""
-
-    def observe(self, state: WristState) -> None:
-        """Take one cycle's feedback."""
-
-
-class Hold:
-    """The cranks stay where they are."""
-
-    def __init__(self, cranks: Floats) -> None:
-        self._cranks = cranks
-
-    def goals(self, now_s: float) -> Floats:
-        """Always the same."""
-        return self._cranks
-
-    def observe(self, state: WristState) -> None:
-        """Nothing to learn at rest."""
-
-
-class WristLoop:
-    """Exchanges goals and feedback with the wrist at fixed instants, from arming to disarming."""
-
-    def __init__(self, wrist: Wrist, cranks: Floats, events: Events) -> None:
-        self._wrist = wrist
-        self._events = events
-        self._ending = False
-        self.source: GoalSource = Hold(cranks)
-        self.latest: WristState | None = None
-        self.goal = cranks
-        self.late_cycles = 0
-        self.fault: str | None = None
-
-    def hold(self) -> None:
-        """Stay at the last goal from now on."""
-        self.source = Hold(self.goal)
-
-    def end(self) -> None:
-        """Leave after the present cycle."""
-        self._ending = True
-
-    async def run(self) -> None:
-        """Cycle until `end`; a lost port, or a mistake of ours, becomes `fault`."""
-        try:
-            await self._cycle()
-        except DeviceError as error:
-            self.fault = str(error)
-        except Exception as error:
-            # This task must not die unseen: the arm would drive on without the wrist.
-            self.fault = f"the wrist's loop failed: {error!r}"
-        if self.fault:
-            self._events.add("wrist lost", message=self.fault)
-
-    async def _cycle(self) -> None:
-        loop = asyncio.get_running_loop()
-        due_s = loop.time()
-        while not self._ending:
-            late_s = loop.time() - due_s
-            if late_s > LATE_S:
-                self.late_cycles += 1
-                self._events.add("late cycle", late_ms=round(1000.0 * late_s, 3))
-                # A missed instant is not made up for.
-                due_s += math.floor(late_s / CYCLE_S) * CYCLE_S
-            self.goal = self.source.goals(loop.time())
-            self.latest = await self._wrist.exchange(self.goal)
-            self.source.observe(self.latest)
-            due_s += CYCLE_S
-            await asyncio.sleep(max(0.0, due_s - loop.time()))
 
 
 class Motion:
@@ -246,9 +166,7 @@ class Motion:
                 state = await self._turn()
             except (DeviceError, TimeoutError) as error:
                 self._events.add("controller not reached while stopping", message=str(error))
-                if loop.time() + RECONNECT_S > limit_s:
-                    break
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(RETRY_S)
                 continue
             if before is not None and self._stands(before, state):
                 self._wrist.hold()
@@ -290,6 +208,7 @@ class Motion:
 
     async def _prepare(self) -> None:
         """Open a session and give the controller its first knots."""
+        self._check()
         state = await self._arm.begin_session()
         self._follower = Follower(self._plan, state.at_s)
         self._watch = Watch(self._ranges, state.session, state.mode)
@@ -391,6 +310,7 @@ class Motion:
                 return f"the wrist could not be seen to stand: {self._wrist.fault}"
             latest = self._wrist.latest
             if before is not None and latest is not None:
+                # NaN for a silent servo, which may come back from a power cut meanwhile.
                 moved = np.abs(latest.cranks - before.cranks).max()
                 if moved < SETTLED_RAD:
                     return None

@@ -33,9 +33,6 @@ SILENT_CYCLES = 3
 STALL_S = 3.0
 """The arm makes no progress for so long although it may: it starves or is blocked."""
 
-HOT_C = 65
-"""XL430 shuts down at 72 degrees (its default limit); from here on it is worth an event."""
-
 FAULT_TEXTS = {
     krc.Fault.BEAT: "the controller heard no heartbeat for a second",
     krc.Fault.SEQUENCE: "the controller found a knot with a wrong sequence number",
@@ -66,16 +63,24 @@ class Watch:
         """Why the arm's state ends the motion, or None."""
         if state.session != self._session:
             return "another client has taken the arm's session"
-        if state.status is krc.Status.FAULT:
+        return self._controller(state) or self._course(state, off_plan_rad)
+
+    def _controller(self, state: ArmState) -> str | None:
+        """What the controller itself reports, the most telling first."""
+        fault = state.status is krc.Status.FAULT
+        if fault and state.fault is not krc.Fault.CONTROLLER:
             return FAULT_TEXTS.get(state.fault, "the KRL program reports a fault")
         if not state.safe:
             return "the controller reports an emergency stop or an open gate"
+        if state.mode != self._mode:
+            return f"the operating mode changed from {self._mode} to {state.mode}"
         if not state.drives:
             return "the controller's drives are off"
         if state.stop_message:
             return "the controller shows a stop message"
-        if state.mode != self._mode:
-            return f"the operating mode changed from {self._mode} to {state.mode}"
+        return FAULT_TEXTS[krc.Fault.CONTROLLER] if fault else None
+
+    def _course(self, state: ArmState, off_plan_rad: float) -> str | None:
         if state.status is krc.Status.STOPPED:
             return "the arm was stopped by another client"
         if off_plan_rad > OFF_PLAN_RAD:

@@ -11,7 +11,7 @@ from sphmctl.drivers.wrist import CrankScale, Wrist
 from sphmctl.errors import DeviceError
 
 CONNECT_TIMEOUT_S = 5.0
-"""To open a link: a controller on the same wire answers in milliseconds, a first ARP in a second."""
+"""To open a link: a controller on the same wire answers in milliseconds, an ARP in a second."""
 
 
 def make_arm(cell: Cell, opener: LinkOpener | None = None) -> KukaArm:

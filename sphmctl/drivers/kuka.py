@@ -9,6 +9,8 @@ import asyncio
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,6 +28,8 @@ SESSION_LIMIT = 1_000_000_000
 """Session numbers stay below this; a KRL INT ends at 2,147,483,647."""
 
 PROGRAM = "SPH_RUN"
+
+Number = TypeVar("Number", bound=IntEnum)
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,8 @@ class KukaArm:
         return ArmState(
             version=_integer(fields["VERSION"]),
             session=_integer(fields["SESSION"]),
-            status=krc.Status(_integer(fields["STATUS"])),
-            fault=krc.Fault(_integer(fields["FAULT"])),
+            status=self._member(krc.Status, fields["STATUS"]),
+            fault=self._member(krc.Fault, fields["FAULT"]),
             taken=_integer(fields["RD"]),
             passed=_integer(fields["DONE"]),
             override_percent=_integer(fields["OV"]),
@@ -131,6 +135,16 @@ class KukaArm:
             joints=_axes(fields["Q"], self._where),
             at_s=self._clock.host_s(stamp_s),
         )
+
+    def _member(self, kind: type[Number], value: krl.KrlValue) -> Number:
+        try:
+            return kind(_integer(value))
+        except ValueError as error:
+            raise DeviceError(
+                f"{krc.STATE} holds {value!r}, which is no {kind.__name__.lower()} of interface "
+                f"version {krc.VERSION}",
+                self._where,
+            ) from error
 
     def _state_fields(self, text: str) -> Mapping[str, krl.KrlValue]:
         value = krl.parse(text)
@@ -156,12 +170,18 @@ class KukaArm:
         await self._client.write(krc.LAST, "0")
         session = (await self.read_state()).session % SESSION_LIMIT + 1
         await self._client.write(krc.SESSION, str(session))
-        async with asyncio.timeout(SESSION_TIMEOUT_S) as limit:
-            while True:
-                state = await self.read_state()
-                if state.session == session and state.status is krc.Status.READY:
-                    limit.reschedule(None)
-                    return state
+        loop = asyncio.get_running_loop()
+        limit_s = loop.time() + SESSION_TIMEOUT_S
+        # Between requests, not around them: giving one up would cost the connection.
+        while loop.time() < limit_s:
+            state = await self.read_state()
+            if state.session == session and state.status is krc.Status.READY:
+                return state
+        raise DeviceError(
+            f"{PROGRAM} did not take the session within {SESSION_TIMEOUT_S:g} s; "
+            "is it running, and does the submit interpreter run?",
+            self._where,
+        )
 
     async def write_knot(
         self, sequence: int, joints: Floats, velocity: float, acceleration: float

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import os
 import socket
 from collections.abc import Awaitable, Callable
 from typing import Protocol
@@ -44,10 +45,13 @@ class StreamLink(asyncio.Protocol):
         self.on_lost: Callable[[], None] = ignore_loss
         self.connected = asyncio.get_running_loop().create_future()
         self._transport: asyncio.WriteTransport | None = None
+        self._serial_file: int | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.WriteTransport)
         self._transport = transport
+        port = transport.get_extra_info("serial")
+        self._serial_file = None if port is None else port.fileno()
         if not self.connected.done():
             self.connected.set_result(None)
 
@@ -60,13 +64,28 @@ class StreamLink(asyncio.Protocol):
 
     def write(self, data: bytes) -> None:
         """Send `data` in one piece."""
-        if self._transport is not None:
-            self._transport.write(data)
+        transport = self._transport
+        if transport is None:
+            return
+        if self._serial_file is not None and transport.get_write_buffer_size() == 0:
+            # pyserial-asyncio sends in the loop's next turn, a quarter of a cycle's cost later.
+            data = data[_sent(self._serial_file, data) :]
+        if data:
+            transport.write(data)
 
     def close(self) -> None:
         """Drop what is unsent and close."""
+        self._serial_file = None
         if self._transport is not None:
             self._transport.abort()
+
+
+def _sent(file: int, data: bytes) -> int:
+    """How many bytes went out at once; what is wrong, if anything, the transport finds out."""
+    try:
+        return os.write(file, data)
+    except OSError:
+        return 0
 
 
 async def open_tcp(host: str, port: int, timeout_s: float) -> Link:
@@ -110,10 +129,16 @@ async def open_serial(port: str, baud: int, timeout_s: float) -> Link:
         )
     except serial.SerialException as error:
         raise DeviceError(_serial_reason(error), where) from error
-    # create_serial_connection returns before connection_made has run.
-    async with asyncio.timeout(timeout_s):
-        await link.connected
+    except ValueError as error:
+        # A name with "://" in it, or a rate that the port cannot have.
+        raise DeviceError(f"{error}; give the path of a serial device", where) from error
     assert isinstance(link, StreamLink)
+    # create_serial_connection returns before connection_made has run.
+    try:
+        async with asyncio.timeout(timeout_s):
+            await link.connected
+    except TimeoutError as error:
+        raise DeviceError(f"it did not open within {timeout_s:g} s", where) from error
     return link
 
 

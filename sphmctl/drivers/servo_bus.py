@@ -1,14 +1,15 @@
 """Transactions on the servo bus: a frame out, one status per servo back, in bounded time.
 
 Knows Protocol 2.0's timing, not what the servos are for. One transaction at a time; what is left
-of an earlier one is dropped before the next, and a reply counts only under the id asked.
+of an earlier one is dropped before the next, and a reply counts only under the id asked and with
+as many data as asked for, or an error.
 """
 
 from __future__ import annotations
 
 import asyncio
 
-from sphmctl.drivers.link import Link, LinkOpener
+from sphmctl.drivers.link import Link, LinkOpener, ignore_bytes, ignore_loss
 from sphmctl.errors import DeviceError
 from sphmctl.wire import dxl, dxl_instructions
 
@@ -49,6 +50,7 @@ class ServoBus:
         self._splitter = dxl.Splitter()
         self._statuses: dict[int, dxl.Status] = {}
         self._wanted: tuple[int, ...] = ()
+        self._data_bytes = 0
         self._waiter: asyncio.Future[None] | None = None
 
     @property
@@ -68,7 +70,10 @@ class ServoBus:
         """Close the port; may be called again."""
         link, self._link = self._link, None
         if link is not None:
+            # The old port's loss may be reported when a new one is open already.
+            link.on_bytes, link.on_lost = ignore_bytes, ignore_loss
             link.close()
+        self._expire()
 
     async def transact(
         self, frame: bytes, ids: tuple[int, ...], data_bytes: int
@@ -93,7 +98,7 @@ class ServoBus:
             loop = asyncio.get_running_loop()
             self._splitter.discard()
             self._statuses = {}
-            self._wanted = ids
+            self._wanted, self._data_bytes = ids, data_bytes
             if not ids:
                 link.write(frame)
                 return {}
@@ -146,6 +151,8 @@ class ServoBus:
             statuses = await self.transact(frame, (servo_id,), data_bytes)
             if servo_id in statuses:
                 return statuses[servo_id]
+            # A status has no number: a late one must come and go before anything else is asked.
+            await asyncio.sleep(LINK_LATENCY_S)
         return None
 
     def _checked(
@@ -167,7 +174,8 @@ class ServoBus:
             except dxl.DxlProtocolError:
                 # An adapter that echoes sends our own instruction back.
                 continue
-            if status.device_id in self._wanted:
+            fits = status.error or len(status.data) == self._data_bytes
+            if fits and status.device_id in self._wanted:
                 self._statuses[status.device_id] = status
         if len(self._statuses) == len(self._wanted):
             self._expire()

@@ -47,8 +47,10 @@ class CrankScale:
     def ticks(self, cranks: Floats) -> list[int]:
         """Nearest counts to crank angles in rad, shape (3,)."""
         return [
-            round(zero + sign * float(crank) / xl430.RAD_PER_COUNT)
-            for zero, sign, crank in zip(self.zero_ticks, self.direction, cranks, strict=True)
+            round(zero + sign * crank / xl430.RAD_PER_COUNT)
+            for zero, sign, crank in zip(
+                self.zero_ticks, self.direction, cranks.tolist(), strict=True
+            )
         ]
 
     def crank(self, leg: int, ticks: int) -> float:

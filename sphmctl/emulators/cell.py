@@ -1,4 +1,4 @@
-"""The emulated cell: one world with a controller, an arm and three servos, on real or memory links."""
+"""The emulated cell: one world with a controller, an arm and three servos, on any links."""
 
 from __future__ import annotations
 

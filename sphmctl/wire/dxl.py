@@ -165,7 +165,7 @@ class Splitter:
         A frame is cut by its length: its CRC may look like a header.
         """
         buffer = self._buffer
-        while True:
+        while buffer:
             if not buffer.startswith(HEADER):
                 self._seek()
             if len(buffer) < 7:
@@ -183,6 +183,7 @@ class Splitter:
                 self.crc_errors += 1
             # Only the header goes: a whole frame may stand in what a damaged length claimed.
             self._drop(len(HEADER))
+        return None
 
     def _seek(self) -> None:
         """Drops what precedes the next header, or what cannot become one."""

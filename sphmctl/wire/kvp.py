@@ -12,9 +12,9 @@ code and a flag (00 01 01 or 00 00 00): the last byte is the flag in both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import lru_cache
 from struct import Struct
-from typing import Final, NoReturn
+from typing import Final, NamedTuple, NoReturn
 
 from sphmctl.errors import DeviceError, InvalidError
 
@@ -35,9 +35,11 @@ MIN_REPLY_LENGTH: Final = 6
 # be a stream of something else.
 BUFFER_LIMIT_BYTES: Final = 2 * (4 + 0xFFFF)
 
-_PREFIX = Struct(">HH")
-_INNER = Struct(">BH")
-_REQUEST = Struct(">HHBH")
+# A control loop reads the same few variables in each cycle.
+CACHED_NAMES: Final = 64
+
+_HEAD = Struct(">HHBH")
+_READ = Struct(">HBH")
 _LENGTH = Struct(">H")
 _FUNCTION_NAMES = {READ: "read", WRITE: "write"}
 
@@ -54,9 +56,8 @@ class VariableEmptyError(DeviceError):
     """The read succeeded without a value: the variable is unknown, or has none yet."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """One reply as it came: not yet compared with its request."""
+class Reply(NamedTuple):
+    """One reply as it came, not yet compared with its request. To make a dataclass takes thrice."""
 
     request_id: int
     function: int
@@ -67,10 +68,7 @@ class Reply:
 def encode_read(request_id: int, name: str) -> bytes:
     """One frame that reads a variable."""
     _check_id(request_id, name)
-    text = _encode_name(name)
-    length = len(text) + 3
-    _check_size(length + 4, name)
-    return _REQUEST.pack(request_id, length, READ, len(text)) + text
+    return request_id.to_bytes(2, "big") + _read_after_id(name)
 
 
 def encode_write(request_id: int, name: str, value: str) -> bytes:
@@ -80,7 +78,7 @@ def encode_write(request_id: int, name: str, value: str) -> bytes:
     content = _encode_value(name, value)
     length = len(text) + len(content) + 5
     _check_size(length + 4, name)
-    head = _REQUEST.pack(request_id, length, WRITE, len(text))
+    head = _HEAD.pack(request_id, length, WRITE, len(text))
     return head + text + _LENGTH.pack(len(content)) + content
 
 
@@ -88,7 +86,8 @@ class Decoder:
     """Cuts a byte stream into replies; after one error it is dead and the connection must end."""
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
+        # Nearly always one whole reply arrives at once: bytes are then kept and cut without a copy.
+        self._buffer = b""
         self._failure = ""
 
     @property
@@ -100,46 +99,53 @@ class Decoder:
         """Takes what the connection delivered, cut anywhere."""
         if self._failure:
             raise KvpProtocolError(self._failure)
-        if len(self._buffer) + len(data) > BUFFER_LIMIT_BYTES:
+        buffer = self._buffer = self._buffer + data if self._buffer else data
+        if len(buffer) > BUFFER_LIMIT_BYTES:
             self._fail(
                 f"more than {BUFFER_LIMIT_BYTES} bytes without a request; "
                 "one reply to each request would be right"
             )
-        self._buffer += data
 
     def next_reply(self) -> Reply | None:
         """The next complete reply, or None when more bytes are needed."""
-        if self._failure:
-            raise KvpProtocolError(self._failure)
         buffer = self._buffer
-        if len(buffer) < 4:
-            return None
-        request_id, length = _PREFIX.unpack_from(buffer)
-        if length < MIN_REPLY_LENGTH:
-            self._fail(f"reply length {length}; at least {MIN_REPLY_LENGTH} would be right")
         if len(buffer) < 7:
+            self._check_start()
             return None
-        function, value_length = _INNER.unpack_from(buffer, 4)
-        if function > WRITE:
-            self._fail(f"reply function {function}; 0 (read) or 1 (write) would be right")
-        if value_length != length - MIN_REPLY_LENGTH:
-            self._fail(
-                f"reply length {length} with a value of {value_length} bytes; "
-                f"{length - MIN_REPLY_LENGTH} would be right"
-            )
+        request_id, length, function, value_length = _HEAD.unpack_from(buffer)
+        if value_length != length - MIN_REPLY_LENGTH or function > WRITE:
+            self._fail_head(length, function, value_length)
         end = 4 + length
         if len(buffer) < end:
             return None
         flag = buffer[end - 1]
         if flag > 1:
             self._fail(f"reply flag {flag}; 0 (failed) or 1 (done) would be right")
-        value = buffer[7 : end - 3].decode("latin-1")
-        del buffer[:end]
-        return Reply(request_id, function, value, flag == 1)
+        self._buffer = buffer[end:]
+        return Reply(request_id, function, buffer[7 : end - 3].decode("latin-1"), flag == 1)
+
+    def _check_start(self) -> None:
+        """Notices as early as can be that the stream has failed, or fails."""
+        if self._failure:
+            raise KvpProtocolError(self._failure)
+        if len(self._buffer) >= 4:
+            length = int.from_bytes(self._buffer[2:4], "big")
+            if length < MIN_REPLY_LENGTH:
+                self._fail_head(length, READ, 0)
+
+    def _fail_head(self, length: int, function: int, value_length: int) -> NoReturn:
+        if length < MIN_REPLY_LENGTH:
+            self._fail(f"reply length {length}; at least {MIN_REPLY_LENGTH} would be right")
+        if function > WRITE:
+            self._fail(f"reply function {function}; 0 (read) or 1 (write) would be right")
+        self._fail(
+            f"reply length {length} with a value of {value_length} bytes; "
+            f"{length - MIN_REPLY_LENGTH} would be right"
+        )
 
     def _fail(self, message: str) -> NoReturn:
         self._failure = message
-        self._buffer.clear()
+        self._buffer = b""
         raise KvpProtocolError(message)
 
 
@@ -173,6 +179,13 @@ def reply_to_value(reply: Reply, request_id: int, function: int, name: str) -> s
             where=name,
         )
     return value
+
+
+@lru_cache(maxsize=CACHED_NAMES)
+def _read_after_id(name: str) -> bytes:
+    text = _encode_name(name)
+    _check_size(len(text) + 7, name)
+    return _READ.pack(len(text) + 3, READ, len(text)) + text
 
 
 def _check_id(request_id: int, name: str) -> None:

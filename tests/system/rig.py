@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
 import struct
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -49,6 +51,9 @@ moves: [{{ptp: S}}, {", ".join(["{ptp: P}, {ptp: S}"] * 7)}]
 """
 """Fourteen sides: more knots than are given to the controller ahead."""
 
+STILL_DEG = 1e-6
+"""Nothing may move any more: the emulated world is exact."""
+
 LINGER_S = 1.5
 """After a run: how long the machine is watched for motion that should not be."""
 
@@ -71,6 +76,8 @@ class Wire:
     attach: Callable[[MemoryLink], None]
     frames: list[tuple[float, bytes]] = field(default_factory=list)
     deaf: bool = False
+    broken: bool = False
+    until_s: float = 0.0
     refused: bool = False
     opened: int = 0
     end: MemoryLink | None = None
@@ -87,6 +94,10 @@ class Wire:
         self.opened += 1
         return here
 
+    def pause(self, seconds: float) -> None:
+        """Deliver nothing for a while, then everything: a busy machine at the other side."""
+        self.until_s = asyncio.get_running_loop().time() + seconds
+
     def cut(self) -> None:
         """The other side goes away."""
         if self.end is not None:
@@ -98,15 +109,22 @@ class Wire:
 
 
 class _HeardLink(MemoryLink):
-    """The host's end: what it writes is noted, and lost while the wire is deaf."""
+    """The host's end: what it writes is noted, lost while the wire is deaf, late in a pause."""
 
     def __init__(self, wire: Wire) -> None:
         super().__init__()
         self._wire = wire
 
     def write(self, data: bytes) -> None:
-        self._wire.frames.append((asyncio.get_running_loop().time(), data))
-        if not self._wire.deaf:
+        loop = asyncio.get_running_loop()
+        if self._wire.broken:
+            raise RuntimeError("a mistake in our own code")
+        self._wire.frames.append((loop.time(), data))
+        if self._wire.deaf:
+            return
+        if self._wire.until_s > loop.time():
+            loop.call_at(self._wire.until_s, super().write, data)
+        else:
             super().write(data)
 
 
@@ -129,6 +147,7 @@ class Rig:
         self.rows: list[tuple[float, Floats, float]] = []
         self.tau = 0.0
         self.acted_s = float("nan")
+        self.full_disk = False
 
     def write(self, name: str, text: str) -> None:
         """What another client of the controller writes."""
@@ -159,9 +178,12 @@ class Rig:
         return [servo.table["torque_enable"] for servo in self.emulated.servos]
 
     def _row(self, t_s: float, joints: Floats, tau_s: float) -> None:
+        if self.full_disk:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self.rows.append((t_s, joints, tau_s))
 
-    def _progress(self, tau_s: float) -> None:
+    def progress(self, tau_s: float) -> None:
+        """Take the plan time reached."""
         self.tau = tau_s
 
     async def play(self, plan: Plan) -> Outcome:
@@ -169,7 +191,7 @@ class Rig:
         await self.session.open()
         await self.session.verify()
         approach = await self.session.prepare(plan, agree)
-        return await self.session.play(plan, approach, self.stop, self._row, self._progress)
+        return await self.session.play(plan, approach, self.stop, self._row, self.progress)
 
     async def close(self) -> None:
         """End it all."""
@@ -285,3 +307,28 @@ def run(
         return Ended(rig, outcome, rows, end_s, torques, left_over)
 
     return clock.run(main(), virtual=True)
+
+
+def at(tau_s: float, act: Callable[[Rig], object]) -> Script:
+    async def script(rig: Rig) -> None:
+        await rig.until_tau(tau_s)
+        rig.act()
+        act(rig)
+
+    return script
+
+
+def ends_in_peace(ended: Ended) -> None:
+    """No motion, no order and no task after the end; both halves stand."""
+    assert ended.moved_deg(ended.end_s).max() <= STILL_DEG
+    assert ended.orders_after(ended.decided_s) == []
+    assert ended.left_over == []
+
+
+def crank_errors_deg(ended: Ended, text: str) -> Floats:
+    """Crank errors (deg) at the end against where the arm stands on the plan."""
+    plan = plan_of(text)
+    last = ended.truth[-1, 1:]
+    nearest = np.abs(np.degrees(plan.joints[:, :6]) - last[:6]).max(axis=1).argmin()
+    result: Floats = np.abs(np.degrees(plan.joints[nearest, 6:]) - last[6:])
+    return result

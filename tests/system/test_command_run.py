@@ -170,7 +170,9 @@ def test_a_closed_port_is_told_in_one_sentence(short_path: str, tmp_path: Path) 
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     cell = cell_file(tmp_path, port, "/dev/null/none")
-    result = sphmctl("run", short_path, "--cell", cell, "--yes", "--json", "--runs-dir", str(tmp_path))
+    result = sphmctl(
+        "run", short_path, "--cell", cell, "--yes", "--json", "--runs-dir", str(tmp_path)
+    )
     assert result[0] == 5
     assert "nothing listens there" in error_of(result)["message"]
     assert not list(tmp_path.glob("*-short"))

@@ -1,0 +1,212 @@
+"""Each cause that ends a motion: it triggers, and it alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sphmctl.config import emulated_cell
+from sphmctl.daemon.watch import (
+    CRANK_ERROR_CYCLES,
+    MEASURED_TOLERANCE_RAD,
+    OFF_PLAN_RAD,
+    SILENT_CYCLES,
+    STALL_S,
+    Watch,
+)
+from sphmctl.drivers import krc_interface as krc
+from sphmctl.drivers import xl430
+from sphmctl.drivers.kuka import ArmState
+from sphmctl.drivers.wrist import ServoState, WristState
+
+HOME = np.radians([0.0, -90.0, 90.0, 0.0, 90.0, 0.0])
+CRANKS = np.radians([60.0, 60.0, 60.0])
+
+GOOD = ArmState(
+    version=1,
+    session=5,
+    status=krc.Status.RUNNING,
+    fault=krc.Fault.NONE,
+    taken=3,
+    passed=1,
+    override_percent=100,
+    moving=True,
+    stopped=False,
+    drives=True,
+    safe=True,
+    stop_message=False,
+    mode="EX",
+    joints=HOME,
+    at_s=1000.0,
+)
+
+
+def _watch() -> Watch:
+    return Watch(emulated_cell().ranges_rad, 5, "EX")
+
+
+def _servo(crank_deg: float = 60.0, **telemetry: int) -> ServoState:
+    block = xl430.Telemetry(1, 0, 10, 0, 1, 5, 0, 2048, 120, 35)
+    return ServoState(
+        math.radians(crank_deg), 0.0, False, 0, dataclasses.replace(block, **telemetry)
+    )
+
+
+def _wrist(*servos: ServoState | None) -> WristState:
+    return WristState(servos, 1000.0)
+
+
+def test_an_arm_and_a_wrist_in_order_raise_nothing() -> None:
+    watch = _watch()
+    for status in (krc.Status.READY, krc.Status.RUNNING, krc.Status.HOLDING, krc.Status.ENDED):
+        assert watch.arm(dataclasses.replace(GOOD, status=status), 0.01) is None
+    for _ in range(100):
+        assert watch.wrist(_wrist(_servo(), _servo(), _servo()), CRANKS) is None
+
+
+FAULT = {"status": krc.Status.FAULT}
+CAUSES: list[tuple[dict[str, Any], str]] = [
+    ({"session": 6}, "another client has taken the arm's session"),
+    ({**FAULT, "fault": krc.Fault.BEAT}, "the controller heard no heartbeat for a second"),
+    (
+        {**FAULT, "fault": krc.Fault.SEQUENCE},
+        "the controller found a knot with a wrong sequence number",
+    ),
+    ({**FAULT, "fault": krc.Fault.KNOT}, "the controller refused a knot's speed or axes"),
+    ({**FAULT, "fault": krc.Fault.CONTROLLER}, "the controller stopped the program"),
+    ({**FAULT, "fault": krc.Fault.NONE}, "the KRL program reports a fault"),
+    ({"safe": False}, "the controller reports an emergency stop or an open gate"),
+    ({"drives": False}, "the controller's drives are off"),
+    ({"stop_message": True}, "the controller shows a stop message"),
+    ({"mode": "T1"}, "the operating mode changed from EX to T1"),
+    ({"status": krc.Status.STOPPED}, "the arm was stopped by another client"),
+]
+
+
+@pytest.mark.parametrize(("change", "sentence"), CAUSES)
+def test_each_state_of_the_controller_that_ends_a_motion_has_its_sentence(
+    change: dict[str, Any], sentence: str
+) -> None:
+    assert _watch().arm(dataclasses.replace(GOOD, **change), 0.0) == sentence
+
+
+def test_a_stop_by_the_controller_is_told_by_what_caused_it() -> None:
+    fault = dataclasses.replace(
+        GOOD, status=krc.Status.FAULT, fault=krc.Fault.CONTROLLER, stop_message=True
+    )
+    for change, words in (
+        ({"safe": False}, "emergency stop"),
+        ({"mode": "T1"}, "operating mode"),
+        ({"drives": False}, "drives are off"),
+        ({}, "stop message"),
+    ):
+        assert words in str(_watch().arm(dataclasses.replace(fault, **change), 0.0))
+
+
+def test_an_arm_off_its_plan_ends_the_motion_just_beyond_the_limit() -> None:
+    watch = _watch()
+    assert watch.arm(GOOD, OFF_PLAN_RAD * 0.999) is None
+    told = watch.arm(GOOD, OFF_PLAN_RAD * 1.01)
+    assert told == "the arm is 1.01 degrees off the plan, more than 1"
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("end", [0, 1])
+def test_each_axis_beyond_its_range_ends_the_motion(axis: int, end: int) -> None:
+    ranges = emulated_cell().ranges_rad
+    sign = 2 * end - 1
+    for excess, ends in ((0.9, False), (1.1, True)):
+        joints = HOME.copy()
+        joints[axis] = ranges[axis, end] + sign * excess * MEASURED_TOLERANCE_RAD
+        told = _watch().arm(dataclasses.replace(GOOD, joints=joints), 0.0)
+        assert (told is not None) is ends
+        if told:
+            assert told.startswith(f"A{axis + 1} is at ")
+
+
+@pytest.mark.parametrize("leg", range(3))
+def test_a_crank_beyond_its_range_ends_the_motion_by_name(leg: int) -> None:
+    servos = [_servo(), _servo(), _servo()]
+    servos[leg] = _servo(120.2)
+    told = _watch().wrist(_wrist(*servos), np.radians([120.0] * 3))
+    assert told == f"theta{leg + 7} is at 120.20 degrees, outside 0 to 120"
+
+
+@pytest.mark.parametrize("leg", range(3))
+def test_a_servo_may_miss_two_replies_in_a_row_but_not_three(leg: int) -> None:
+    watch = _watch()
+    servos: list[ServoState | None] = [_servo(), _servo(), _servo()]
+    silent = list(servos)
+    silent[leg] = None
+    for _ in range(3):
+        for _ in range(SILENT_CYCLES - 1):
+            assert watch.wrist(_wrist(*silent), CRANKS) is None
+        assert watch.wrist(_wrist(*servos), CRANKS) is None
+    told = [watch.wrist(_wrist(*silent), CRANKS) for _ in range(SILENT_CYCLES)]
+    assert told == [None, None, f"servo of leg {leg + 1} was silent 3 times in a row"]
+
+
+def test_of_silent_servos_the_first_on_the_bus_is_named() -> None:
+    watch = _watch()
+    told = [watch.wrist(_wrist(_servo(), None, None), CRANKS) for _ in range(SILENT_CYCLES)]
+    assert told[-1] == "servo of leg 2 was silent 3 times in a row"
+
+
+SERVO_CAUSES: list[tuple[dict[str, int], str]] = [
+    ({"hardware_error": 0x20}, "servo of leg 2 reports a hardware error: overload"),
+    ({"watchdog": -1}, "servo of leg 2 stopped by its bus watchdog"),
+    ({"torque": 0}, "servo of leg 2 has lost its torque (power cut, or another client)"),
+]
+
+
+@pytest.mark.parametrize(("change", "sentence"), SERVO_CAUSES)
+def test_each_state_of_a_servo_that_ends_a_motion_has_its_sentence(
+    change: dict[str, int], sentence: str
+) -> None:
+    told = _watch().wrist(_wrist(_servo(), _servo(**change), _servo()), CRANKS)
+    assert told == sentence
+
+
+def test_a_crank_away_from_its_place_must_be_so_for_a_while() -> None:
+    watch = _watch()
+    away = _wrist(_servo(), _servo(), _servo(66.0))
+    home = _wrist(_servo(), _servo(), _servo(64.0))
+    for _ in range(CRANK_ERROR_CYCLES - 1):
+        assert watch.wrist(away, CRANKS) is None
+    assert watch.wrist(home, CRANKS) is None
+    told = [watch.wrist(away, CRANKS) for _ in range(CRANK_ERROR_CYCLES)]
+    assert told[:-1] == [None] * (CRANK_ERROR_CYCLES - 1)
+    assert told[-1] == "servo of leg 3 is 6.0 degrees from where the arm needs it"
+
+
+def test_no_progress_ends_the_motion_only_where_progress_is_due() -> None:
+    watch = _watch()
+    assert watch.progress(1.0, 1000.0, True) is None
+    assert watch.progress(1.0, 1000.0 + STALL_S, True) is None
+    told = watch.progress(1.0, 1000.1 + STALL_S, True)
+    assert told == "the arm has made no progress for 3 s"
+    # Override zero: no progress is due, and the time counts from its end.
+    assert watch.progress(1.0, 1010.0, False) is None
+    assert watch.progress(1.0, 1012.9, True) is None
+    assert watch.progress(1.0, 1013.1, True) is not None
+
+
+def test_slow_progress_is_progress() -> None:
+    watch = _watch()
+    for step in range(100):
+        assert watch.progress(1.0 + 0.001 * step, 1000.0 + 2.0 * step, True) is None
+
+
+def test_going_backwards_is_no_progress() -> None:
+    watch = _watch()
+    told: list[str | None] = []
+    note: Callable[[str | None], None] = told.append
+    for step in range(50):
+        note(watch.progress(1.0 + 0.01 * (step % 2), 1000.0 + 0.1 * step, True))
+    assert told[10] is None
+    assert told[-1] is not None

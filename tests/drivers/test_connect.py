@@ -1,0 +1,90 @@
+"""Drivers made from a cell file reach the emulated cell over TCP and a pseudo-terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sphmctl import clock
+from sphmctl.config import Arm, Cell, Wrist, emulated_cell
+from sphmctl.drivers.connect import make_arm, make_wrist
+from sphmctl.emulators.cell import EmulatedCell, Setup
+from sphmctl.errors import DeviceError
+
+
+def _cell(port: int, device: str, **wrist: object) -> Cell:
+    parts = {"driver": "dynamixel", "port": device, **wrist}
+    return Cell(
+        version=1,
+        name="lab",
+        arm=Arm(driver="kvp", host="127.0.0.1", port=port),
+        wrist=Wrist.model_validate(parts),
+    )
+
+
+def test_both_drivers_reach_their_devices_over_real_links() -> None:
+    setup = Setup(
+        cranks_deg=(10.0, 50.0, 100.0),
+        zero_ticks=(1365, 2730, 1000),
+        direction=(1, -1, 1),
+        ids=(11, 12, 13),
+    )
+
+    async def main() -> None:
+        emulated = EmulatedCell(1, setup, latency="none")
+        port, device = await emulated.serve()
+        cell = _cell(
+            port, device, ids=setup.ids, zero_ticks=setup.zero_ticks, direction=setup.direction
+        )
+        arm, wrist = make_arm(cell), make_wrist(cell)
+        try:
+            await arm.connect()
+            await wrist.connect()
+            assert (await arm.identity()).program == "SPH_RUN"
+            axes = np.degrees(await arm.read_axes())
+            assert axes == pytest.approx(setup.arm_deg, abs=1e-3)
+            cranks = np.degrees(await wrist.read_cranks())
+            assert cranks == pytest.approx(setup.cranks_deg, abs=0.09)
+            await wrist.verify()
+        finally:
+            await arm.close()
+            await wrist.close()
+            await emulated.close()
+
+    clock.run(main())
+
+
+def test_errors_name_host_and_port() -> None:
+    async def main() -> None:
+        emulated = EmulatedCell(1)
+        port, _ = await emulated.serve()
+        await emulated.close()
+        arm = make_arm(_cell(port, "/dev/null"))
+        with pytest.raises(DeviceError, match=f"controller 127.0.0.1:{port}: nothing listens"):
+            await arm.connect()
+        await arm.close()
+
+    clock.run(main())
+
+
+def test_a_port_without_servos_names_port_and_servo() -> None:
+    async def main() -> None:
+        emulated = EmulatedCell(1)
+        port, device = await emulated.serve()
+        wrist = make_wrist(_cell(port, device, ids=(4, 5, 6)))
+        await wrist.connect()
+        try:
+            with pytest.raises(DeviceError, match=rf"wrist {device}: servo 4 \(leg 1\): does not"):
+                await wrist.verify()
+        finally:
+            await wrist.close()
+            await emulated.close()
+
+    clock.run(main())
+
+
+def test_a_board_is_refused_until_there_is_a_driver_for_it() -> None:
+    cell = emulated_cell()
+    wrist = cell.wrist.model_copy(update={"board_id": 200})
+    with pytest.raises(DeviceError, match=r"board_id is 200, but .* set board_id to null"):
+        make_wrist(cell.model_copy(update={"wrist": wrist}))
