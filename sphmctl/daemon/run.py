@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import gc
 import json
 import math
 import shutil
@@ -143,9 +144,13 @@ async def _play(
             rows.t_s.append(t_s)
             rows.joints.append(np.degrees(joints))
 
+    # What lives on from planning would be searched in each collection, for up to 45 ms.
+    gc.collect()
+    gc.freeze()
     try:
         return await session.play(job.plan, approach, stop, keep, on_progress)
     finally:
+        gc.unfreeze()
         feedback.close()
 
 
