@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import os
+import selectors
+import threading
 import time
 
 import pytest
@@ -74,3 +76,56 @@ def test_the_precise_loop_is_never_early_and_still_serves_files() -> None:
         return result
 
     assert clock.run(main()) == b"now"
+
+
+def test_a_later_timer_is_kept_when_an_earlier_one_is_cancelled_or_added() -> None:
+    async def main() -> list[str]:
+        loop = asyncio.get_running_loop()
+        begin, fired, done = loop.time(), list[str](), asyncio.Event()
+
+        def note(name: str, due_s: float) -> None:
+            assert due_s - 1e-6 <= loop.time() - begin < due_s + 0.5
+            fired.append(name)
+            if len(fired) == 2:
+                done.set()
+
+        loop.call_at(begin + 1.0, note, "last", 1.0)
+        # The loop waits for the thread, with its timer set for the last instant.
+        await asyncio.to_thread(time.sleep, 0.01)
+        first_s = loop.time() - begin + 0.01
+        loop.call_later(0.005, note, "cancelled", 0.0).cancel()
+        loop.call_at(begin + first_s, note, "first", first_s)
+        async with asyncio.timeout(5.0):
+            await done.wait()
+        return fired
+
+    assert clock.run(main()) == ["first", "last"]
+
+
+def test_an_idle_loop_sleeps_after_its_last_timer() -> None:
+    async def main() -> int:
+        turns = 0
+        loop = asyncio.get_running_loop()
+        reader, writer = os.pipe()
+        select = clock.PreciseSelector.select
+
+        def counted(
+            self: clock.PreciseSelector, timeout: float | None = None
+        ) -> list[tuple[selectors.SelectorKey, int]]:
+            nonlocal turns
+            turns += 1
+            return select(self, timeout)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(clock.PreciseSelector, "select", counted)
+            await asyncio.sleep(0.001)
+            threading.Timer(0.05, os.write, (writer, b"x")).start()
+            done = asyncio.Event()
+            loop.add_reader(reader, done.set)
+            await done.wait()
+            loop.remove_reader(reader)
+        os.close(reader)
+        os.close(writer)
+        return turns
+
+    assert clock.run(main()) < 20

@@ -10,6 +10,7 @@ from sphmctl.motion import Floats
 from sphmctl.robots import kr6, rrs
 from sphmctl.robots.geometry import TURN, invert
 from sphmctl.robots.kr6_model import FLANGE_M, RANGE_TOLERANCE_RAD
+from sphmctl.robots.sphm import single
 
 # L: wrist centre (axes 4, 5, 6) to the wrist's base plane; Elsamanty et al., section 2. The flange
 # takes 80 mm of it, the adapter the rest.
@@ -45,6 +46,9 @@ def forward(q: ArrayLike, tool: ArrayLike | None = None, mount_yaw: float = 0.0)
     q = np.asarray(q, dtype=np.float64)
     if q.shape[-1:] != (9,):
         raise InvalidError(f"joints have shape {q.shape}; the last dimension must be 9")
+    if q.ndim == 1:
+        platform = single.forward(q.tolist(), mount_yaw, ADAPTER_M)
+        return platform if tool is None else np.asarray(platform @ np.asarray(tool))
     flat = q.reshape(-1, 9)
     T = np.empty((len(flat), 4, 4))
     for i in range(0, len(flat), BLOCK):
