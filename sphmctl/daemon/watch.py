@@ -27,8 +27,9 @@ CRANK_ERROR_RAD = math.radians(5.0)
 CRANK_ERROR_CYCLES = 10
 """So many cycles in a row: 100 ms, longer than any servo's lag."""
 
-SILENT_CYCLES = 3
-"""A servo may miss two replies in a row; the third in a row is a fault (30 ms)."""
+SILENT_S = 0.1
+"""A servo silent for longer is a fault. Single replies get lost, and a busy host is late by tens of
+milliseconds; in this time a crank falls behind by 2.5 degrees at the octagon's speed."""
 
 STALL_S = 3.0
 """The arm makes no progress for so long although it may: it starves or is blocked."""
@@ -54,7 +55,7 @@ class Watch:
         self._ranges = ranges
         self._session = session
         self._mode = mode
-        self._silent = [0, 0, 0]
+        self._heard_s = [math.inf, math.inf, math.inf]
         self._away = [0, 0, 0]
         self._progress_tau = -math.inf
         self._progress_s = 0.0
@@ -100,10 +101,10 @@ class Watch:
 
     def wrist(self, state: WristState, required: Floats) -> str | None:
         """Why the wrist's state ends the motion, or None."""
-        silent = [leg for leg in range(3) if self._count_silent(leg, state)]
+        silent = [leg for leg in range(3) if self._is_silent(leg, state)]
         if silent:
             # Servos behind a silent one are silent too: the first is the one to look at.
-            return f"servo of leg {silent[0] + 1} was silent {SILENT_CYCLES} times in a row"
+            return f"servo of leg {silent[0] + 1} was silent for {1000.0 * SILENT_S:g} ms"
         for leg, servo in enumerate(state.servos):
             if servo is None:
                 continue
@@ -123,9 +124,10 @@ class Watch:
         known = state.cranks
         return self._beyond(known, 6)
 
-    def _count_silent(self, leg: int, state: WristState) -> bool:
-        self._silent[leg] = self._silent[leg] + 1 if state.servos[leg] is None else 0
-        return self._silent[leg] >= SILENT_CYCLES
+    def _is_silent(self, leg: int, state: WristState) -> bool:
+        if state.servos[leg] is not None or math.isinf(self._heard_s[leg]):
+            self._heard_s[leg] = state.at_s
+        return state.at_s - self._heard_s[leg] > SILENT_S
 
     def _beyond(self, joints: Floats, first: int) -> str | None:
         """The first joint measured beyond its range; NaN is not beyond."""

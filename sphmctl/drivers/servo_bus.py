@@ -24,8 +24,12 @@ LINK_LATENCY_S = 0.015
 STATUS_OVERHEAD_BYTES = 11
 """Status packet without data: header 4, id, length 2, instruction, error, CRC 2."""
 
-ATTEMPTS = 3
-"""At rest, a lost reply is asked for again this often in all; while streaming never."""
+ATTEMPTS = 8
+"""At rest, a lost reply is asked for so often in all, over a quarter of a second, which outlasts a
+busy host; while streaming never again."""
+
+LATE_TIMER_S = 0.003
+"""A time limit that ends this late shows that this process slept: what came meanwhile is unread."""
 
 
 class ServoBus:
@@ -52,6 +56,7 @@ class ServoBus:
         self._wanted: tuple[int, ...] = ()
         self._data_bytes = 0
         self._waiter: asyncio.Future[None] | None = None
+        self._timer: asyncio.TimerHandle
 
     @property
     def connected(self) -> bool:
@@ -103,12 +108,13 @@ class ServoBus:
                 link.write(frame)
                 return {}
             waiter = self._waiter = loop.create_future()
-            timer = loop.call_later(self.limit_s(frame, len(ids), data_bytes), self._expire)
+            limit_s = self.limit_s(frame, len(ids), data_bytes)
+            self._set_limit(limit_s, limit_s)
             try:
                 link.write(frame)
                 await waiter
             finally:
-                timer.cancel()
+                self._timer.cancel()
                 self._waiter = None
                 self._wanted = ()
             if self._link is None:
@@ -178,6 +184,18 @@ class ServoBus:
             if fits and status.device_id in self._wanted:
                 self._statuses[status.device_id] = status
         if len(self._statuses) == len(self._wanted):
+            self._expire()
+
+    def _set_limit(self, wait_s: float, again_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        due_s = loop.time() + wait_s
+        self._timer = loop.call_at(due_s, self._time_out, due_s, again_s)
+
+    def _time_out(self, due_s: float, again_s: float) -> None:
+        """End the transaction; once, when the limit itself came late, wait as long again."""
+        if again_s > 0.0 and asyncio.get_running_loop().time() - due_s > LATE_TIMER_S:
+            self._set_limit(again_s, 0.0)
+        else:
             self._expire()
 
     def _expire(self) -> None:

@@ -15,7 +15,6 @@ from sphmctl.daemon.watch import (
     CRANK_ERROR_CYCLES,
     MEASURED_TOLERANCE_RAD,
     OFF_PLAN_RAD,
-    SILENT_CYCLES,
     STALL_S,
     Watch,
 )
@@ -57,8 +56,8 @@ def _servo(crank_deg: float = 60.0, **telemetry: int) -> ServoState:
     )
 
 
-def _wrist(*servos: ServoState | None) -> WristState:
-    return WristState(servos, 1000.0)
+def _wrist(*servos: ServoState | None, after_s: float = 0.0) -> WristState:
+    return WristState(servos, 1000.0 + after_s)
 
 
 def test_an_arm_and_a_wrist_in_order_raise_nothing() -> None:
@@ -138,23 +137,33 @@ def test_a_crank_beyond_its_range_ends_the_motion_by_name(leg: int) -> None:
 
 
 @pytest.mark.parametrize("leg", range(3))
-def test_a_servo_may_miss_two_replies_in_a_row_but_not_three(leg: int) -> None:
+def test_a_servo_may_be_silent_for_a_while_but_not_longer(leg: int) -> None:
     watch = _watch()
     servos: list[ServoState | None] = [_servo(), _servo(), _servo()]
     silent = list(servos)
     silent[leg] = None
+    assert watch.wrist(_wrist(*servos), CRANKS) is None
     for _ in range(3):
-        for _ in range(SILENT_CYCLES - 1):
-            assert watch.wrist(_wrist(*silent), CRANKS) is None
+        assert watch.wrist(_wrist(*silent, after_s=0.099), CRANKS) is None
         assert watch.wrist(_wrist(*servos), CRANKS) is None
-    told = [watch.wrist(_wrist(*silent), CRANKS) for _ in range(SILENT_CYCLES)]
-    assert told == [None, None, f"servo of leg {leg + 1} was silent 3 times in a row"]
+    told = watch.wrist(_wrist(*silent, after_s=0.101), CRANKS)
+    assert told == f"servo of leg {leg + 1} was silent for 100 ms"
+
+
+def test_a_servo_that_never_answered_is_told_too() -> None:
+    watch = _watch()
+    silent = (None, _servo(), _servo())
+    assert watch.wrist(_wrist(*silent), CRANKS) is None
+    told = watch.wrist(_wrist(*silent, after_s=0.101), CRANKS)
+    assert told == "servo of leg 1 was silent for 100 ms"
 
 
 def test_of_silent_servos_the_first_on_the_bus_is_named() -> None:
     watch = _watch()
-    told = [watch.wrist(_wrist(_servo(), None, None), CRANKS) for _ in range(SILENT_CYCLES)]
-    assert told[-1] == "servo of leg 2 was silent 3 times in a row"
+    told = [
+        watch.wrist(_wrist(_servo(), None, None, after_s=wait_s), CRANKS) for wait_s in (0.0, 0.101)
+    ]
+    assert told == [None, "servo of leg 2 was silent for 100 ms"]
 
 
 SERVO_CAUSES: list[tuple[dict[str, int], str]] = [

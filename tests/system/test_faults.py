@@ -82,14 +82,14 @@ FAULTS: dict[str, Fault] = {
     ),
     "first servo unplugged": Fault(
         lambda rig: rig.emulated.servos[0].unplug(),
-        "servo of leg 1 was silent 3 times",
-        reaction_s=0.08,
+        "servo of leg 1 was silent for 100 ms",
+        reaction_s=0.16,
         unconfirmed=(WRIST_UNSEEN, OFF_UNSEEN[0]),
     ),
     "last servo unplugged": Fault(
         lambda rig: rig.emulated.servos[2].unplug(),
-        "servo of leg 3 was silent 3 times",
-        reaction_s=0.08,
+        "servo of leg 3 was silent for 100 ms",
+        reaction_s=0.16,
         unconfirmed=(WRIST_UNSEEN, OFF_UNSEEN[2]),
     ),
     "hardware error": Fault(
@@ -106,7 +106,9 @@ FAULTS: dict[str, Fault] = {
         r"leg 2 is \d+\.\d degrees from where the arm needs it",
         reaction_s=0.2,
     ),
-    "power cut and back": Fault(_power_cycle, "servo of leg 1 was silent 3 times", reaction_s=0.08),
+    "power cut and back": Fault(
+        _power_cycle, "servo of leg 1 was silent for 100 ms", reaction_s=0.16
+    ),
     "torque off by another client": Fault(
         lambda rig: rig.emulated.servos[1].write(64, b"\0"), "leg 2 has lost its torque"
     ),
@@ -132,8 +134,8 @@ FAULTS: dict[str, Fault] = {
     ),
     "servos deaf": Fault(
         lambda rig: setattr(rig.bus, "deaf", True),
-        "servo of leg 1 was silent 3 times",
-        reaction_s=0.08,
+        "servo of leg 1 was silent for 100 ms",
+        reaction_s=0.16,
         unconfirmed=(WRIST_UNSEEN, *OFF_UNSEEN),
         torques=(1, 1, 1),
     ),
