@@ -16,7 +16,7 @@ from sphmctl.errors import InvalidError
 from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.robots import sphm
 from sphmctl.robots.geometry import pose_matrix
-from sphmctl.yamlfile import STRICT, Numbers, Pose, load, nearest, shown, wrong
+from sphmctl.yamlfile import STRICT, Numbers, Pose, Version, load, nearest, shown, wrong
 
 TICKS_PER_TURN = 4096
 """XL430-W250 e-manual, "Present Position": 0 to 4095 is one turn."""
@@ -192,7 +192,7 @@ class Cell(BaseModel):
     """Everything that is particular to one cell."""
 
     model_config = STRICT
-    version: Literal[1]
+    version: Version
     name: Annotated[str, Field(min_length=1, max_length=64)]
     arm: Arm
     wrist: Wrist

@@ -16,6 +16,7 @@ from sphmctl.yamlfile import (
     Loc,
     Numbers,
     Pose,
+    Version,
     check_numbers,
     check_pose,
     load,
@@ -299,7 +300,7 @@ class _MoveModel(BaseModel):
 
 class _PathModel(BaseModel):
     model_config = STRICT
-    version: Literal[1]
+    version: Version
     name: Name
     tool: str | None = None
     base: Annotated[Any, BeforeValidator(_base)] = "world"

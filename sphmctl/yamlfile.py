@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, get_args
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from sphmctl.errors import InvalidError
@@ -141,6 +141,16 @@ def check_pose(values: Numbers) -> Numbers:
 
 
 Pose: TypeAlias = Annotated[Numbers, AfterValidator(check_pose)]
+
+
+def _no_truth(value: Any) -> Any:
+    """Python takes True for 1."""
+    if isinstance(value, bool):
+        raise wrong(f"{shown(value)} should be 1")
+    return value
+
+
+Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_truth)]
 
 
 def load(path: str | Path, model: type[Model]) -> tuple[Model, Document]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -52,8 +53,12 @@ def cell_of(option: Path | None) -> Cell:
 
 
 def say(text: str) -> None:
-    """A line for people, on stderr: stdout is for results."""
-    print(text, file=sys.stderr, flush=True)
+    """A line for people, on stderr: stdout is for results.
+
+    Nobody reading it must not keep a stop from happening.
+    """
+    with contextlib.suppress(OSError, ValueError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def put(as_json: bool, document: dict[str, Any], show: Callable[[dict[str, Any]], None]) -> None:

@@ -18,6 +18,7 @@ from sphmctl.cli.common import say
 from sphmctl.errors import SphmctlError
 
 USAGE_EXIT = 2
+FILE_EXIT = 3
 BROKEN_PIPE_EXIT = 141
 """128 + SIGPIPE, as the shell reports it."""
 
@@ -68,6 +69,9 @@ def run(arguments: list[str]) -> int:
         # Nobody reads any more; Python must not try to flush once again on its way out.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE_EXIT
+    except OSError as error:
+        _fail(as_json, FILE_EXIT, error.strerror or str(error), str(error.filename or "output"))
+        return FILE_EXIT
     return result if isinstance(result, int) else 0
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, say
-from sphmctl.errors import InvalidError, UsageError
+from sphmctl.errors import InvalidError, SphmctlError, UsageError
 
 if TYPE_CHECKING:
     import asyncio
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from sphmctl.daemon.run import Job
 
 EXIT_FAULT = 6
-EXIT_SIGNAL = {signal.SIGINT: 130, signal.SIGTERM: 143}
+EXIT_SIGNAL = {signal.SIGHUP: 129, signal.SIGINT: 130, signal.SIGTERM: 143}
+"""128 and the signal's number: Ctrl-C, a request to end, and a terminal that went away."""
 
 PROGRESS_STEP_S = 0.1
 """How often the progress bar is drawn, s of the plan."""
@@ -75,7 +76,7 @@ def run(
         if not emulated:
             raise UsageError("--virtual is for emulated devices only; add --dry-run", "--virtual")
         say("VIRTUAL: on a clock that jumps, in memory")
-    if not emulated and not yes and not sys.stdin.isatty():
+    if not emulated and not yes and not (sys.stdin and sys.stdin.isatty()):
         raise UsageError("this cell is real and nobody can be asked: add --yes", "consent")
     percent = chosen.plan_speed_percent if speed is None else speed
     if not 0.0 < percent <= 100.0:
@@ -83,7 +84,7 @@ def run(
     plan = planner.plan(load_path(path), chosen, percent / 100.0)
     text = path.read_text(encoding="utf-8")
     now = datetime.now().astimezone()
-    job = Job(plan, chosen, text, runs_dir, now, "virtual" if virtual else "real")
+    job = Job(plan, chosen, percent / 100.0, text, runs_dir, now, "virtual" if virtual else "real")
     summary, code = clock.run(_run(job, seed, virtual, emulated or yes), virtual=virtual)
     put(as_json, summary, _show)
     return code
@@ -110,8 +111,8 @@ async def _run(job: Job, seed: int, virtual: bool, agreed: bool) -> tuple[dict[s
                 _echo,
                 devices.truth,
             )
-        except UsageError as error:
-            # A Ctrl-C at the question is a no, but leaves as a Ctrl-C does.
+        except SphmctlError as error:
+            # Before any motion; a Ctrl-C while connecting or at the question leaves as a Ctrl-C.
             if received:
                 error.exit_code = EXIT_SIGNAL[signal.Signals(received[0])]
             raise
@@ -130,11 +131,14 @@ def _signals(stop: asyncio.Event, received: list[int]) -> Iterator[None]:
 
     loop = asyncio.get_running_loop()
 
+    def stop_now() -> None:
+        stop.set()
+        say("\nstopping both devices; the emergency stop is on the pendant")
+
     def request(number: int, frame: object) -> None:
-        if not received:
-            say("\nstopping both devices; the emergency stop is on the pendant")
         received.append(number)
-        loop.call_soon_threadsafe(stop.set)
+        if len(received) == 1:
+            loop.call_soon_threadsafe(stop_now)
 
     before = {number: signal.signal(number, request) for number in EXIT_SIGNAL}
     try:
@@ -160,17 +164,23 @@ def _progress(duration_s: float) -> Iterator[Callable[[float], None]]:
         TimeRemainingColumn(),
     )
     shown_s = -PROGRESS_STEP_S
-    with Progress(*columns, console=Console(stderr=True), auto_refresh=False) as bar:
-        task = bar.add_task("on the path", total=duration_s)
+    bar = Progress(*columns, console=Console(stderr=True), auto_refresh=False)
+    task = bar.add_task("on the path", total=duration_s)
 
-        def show(tau_s: float) -> None:
-            nonlocal shown_s
-            if tau_s - shown_s >= PROGRESS_STEP_S or tau_s >= duration_s > shown_s:
-                shown_s = tau_s
-                bar.update(task, completed=tau_s)
-                bar.refresh()
+    def show(tau_s: float) -> None:
+        nonlocal shown_s
+        if shown_s < 0.0:
+            # Not before: a live bar takes the terminal, which a question may still need.
+            bar.start()
+        if tau_s - shown_s >= PROGRESS_STEP_S or tau_s >= duration_s > shown_s:
+            shown_s = tau_s
+            bar.update(task, completed=tau_s)
+            bar.refresh()
 
+    try:
         yield show
+    finally:
+        bar.stop()
 
 
 async def _agree(question: str) -> bool:
@@ -180,7 +190,12 @@ async def _agree(question: str) -> bool:
 
 async def _ask(question: str, stop: asyncio.Event) -> bool:
     """Ask at the terminal; the loop goes on meanwhile, and Ctrl-C is a no."""
+    import asyncio
+    import termios
+
     loop = asyncio.get_running_loop()
+    # What was typed before the question is no answer to it.
+    termios.tcflush(sys.stdin, termios.TCIFLUSH)
     answered = asyncio.Event()
     print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
     loop.add_reader(sys.stdin.fileno(), answered.set)

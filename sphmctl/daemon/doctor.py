@@ -23,9 +23,10 @@ TIMER_LATE_MS = 2.0
 late turns are shown but do not count: each run reports its own."""
 
 ROUND_TRIPS = 100
-ROUND_TRIP_MS = 20.0
-"""Median of the controller's replies: beyond it progress is learnt too late to follow. Published:
-2 ms on one connection, 12 ms with five clients (ivareri/KUKAVARPROXY_tests)."""
+ROUND_TRIP_MS = 10.0
+"""Median of the controller's replies: beyond it progress is learnt too late to follow, and the
+heartbeat comes late. Published: 2 ms on one connection, 12 ms with five clients
+(ivareri/KUKAVARPROXY_tests)."""
 
 LATENCY_TIMER_MS = 1
 """What an FTDI adapter's latency_timer should be; its factory setting of 16 ms is a cycle and a

@@ -127,6 +127,10 @@ class Events:
         if self._echo is not None:
             self._echo(name, fields)
 
+    def told(self, name: str, **fields: Any) -> bool:
+        """Whether just this was recorded before."""
+        return any(entry[1:] == (name, fields) for entry in self.history)
+
     def close(self) -> None:
         """Close the file; may be called again."""
         if self._file is not None:

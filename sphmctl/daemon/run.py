@@ -31,7 +31,7 @@ from sphmctl.daemon.report import Event, ReportInput, Trace, write_report
 from sphmctl.daemon.session import Consent, Outcome, Session
 from sphmctl.drivers.kuka import KukaArm
 from sphmctl.drivers.wrist import Wrist
-from sphmctl.errors import InvalidError, SphmctlError
+from sphmctl.errors import InvalidError, SphmctlError, UsageError
 from sphmctl.motion import Floats, Plan
 from sphmctl.robots import sphm
 
@@ -51,12 +51,14 @@ class Job:
     """What to run, and where to leave the record.
 
     Attributes:
+        speed: share by which the plan was scaled.
         path_text: the path file as it was read.
         clock: "real" or "virtual".
     """
 
     plan: Plan
     cell: Cell
+    speed: float
     path_text: str
     runs_dir: Path
     started: datetime
@@ -104,7 +106,9 @@ async def run_job(
     try:
         await session.open()
         await session.verify()
-        approach = await session.prepare(job.plan, consent)
+        approach = await session.prepare(job.plan, job.speed, consent)
+        if stop.is_set():
+            raise UsageError("stopped before anything was armed or moved")
         folder = new_folder(job.runs_dir, job.plan.name, job.started)
         _write_inputs(folder, job)
         events = Events(folder / "events.jsonl", loop.time, echo)
@@ -179,7 +183,6 @@ def _conclude(
     if truth is not None and math.isfinite(outcome.begin_s):
         found = truth.truth(outcome.begin_s, outcome.end_s)
         true_rows = [(row[0] - found[0][0], *row[1:]) for row in found]
-        write_truth(folder / "truth.csv", true_rows)
     true = np.array(true_rows) if true_rows else np.empty((0, 10))
     assessment = _Assessment(job, measured, true, outcome)
     duration_s = outcome.end_s - outcome.begin_s if math.isfinite(outcome.begin_s) else 0.0
@@ -197,11 +200,18 @@ def _conclude(
     if job.clock == "real":
         # The system's monotonic clock: an emulator in another process dates its truth by it.
         summary["begin_monotonic_s"] = outcome.begin_s if math.isfinite(outcome.begin_s) else None
-        summary["end_monotonic_s"] = outcome.end_s
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    write_report(
-        folder / "report.html", _report(job, folder, outcome, duration_s, rows, assessment, events)
-    )
+        summary["end_monotonic_s"] = outcome.end_s if math.isfinite(outcome.end_s) else None
+    try:
+        if true_rows:
+            write_truth(folder / "truth.csv", true_rows)
+        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+        report = _report(job, folder, outcome, duration_s, rows, assessment, events)
+        write_report(folder / "report.html", report)
+    except OSError as error:
+        # The run is over and its figures are known: they must not be lost with the files.
+        problem = f"the record in {folder} is not complete: {error.strerror}; make room on the disk"
+        outcome.unconfirmed.append(problem)
+        events.add("record not complete", message=problem)
     return summary
 
 

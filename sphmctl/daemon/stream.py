@@ -24,8 +24,9 @@ from sphmctl.drivers.wrist import WristState
 from sphmctl.errors import DeviceError, FaultError
 from sphmctl.motion import Floats, Plan
 
-BEAT_S = 0.040
-"""Heartbeat period; the program wants one at least every 50 ms and holds after 120 ms."""
+BEAT_S = 0.024
+"""Heartbeat period; up to four other requests of 6 ms may come before the next look. The program
+wants one at least every 50 ms and holds after 120 ms."""
 
 AHEAD = 8
 """Knots the controller has beyond the one passed: more than its three planned blocks, and few."""

@@ -16,6 +16,12 @@ CONNECT_TIMEOUT_S = 5.0
 
 def make_arm(cell: Cell, opener: LinkOpener | None = None) -> KukaArm:
     """The arm of a cell; `opener` replaces the TCP connection to its host."""
+    if cell.arm.flavour == "c3":
+        raise DeviceError(
+            "flavour is c3, whose own functions this version does not use; give auto, which speaks "
+            "to a C3 server as to KUKAVARPROXY",
+            "arm",
+        )
     host, port = cell.arm.host or "127.0.0.1", cell.arm.tcp_port
 
     async def connect() -> Link:

@@ -29,6 +29,9 @@ SESSION_LIMIT = 1_000_000_000
 
 PROGRAM = "SPH_RUN"
 
+FROZEN_S = 0.12
+"""SPH_STATE is refreshed each 12 ms; the same TIME for ten cycles is a picture, not the robot."""
+
 Number = TypeVar("Number", bound=IntEnum)
 
 
@@ -81,6 +84,8 @@ class KukaArm:
         self._where = where
         self._clock = ControllerClock()
         self._beat = 0
+        self._stamp_s = math.nan
+        self._changed_s = -math.inf
 
     @property
     def connected(self) -> bool:
@@ -117,6 +122,7 @@ class KukaArm:
         received_s = loop.time()
         fields = self._state_fields(text)
         stamp_s = _integer(fields["TIME"]) / 1000.0
+        self._see_life(stamp_s, sent_s)
         self._clock.update(stamp_s, sent_s, received_s)
         return ArmState(
             version=_integer(fields["VERSION"]),
@@ -135,6 +141,18 @@ class KukaArm:
             joints=_axes(fields["Q"], self._where),
             at_s=self._clock.host_s(stamp_s),
         )
+
+    def _see_life(self, stamp_s: float, sent_s: float) -> None:
+        """Refuse a state that nobody refreshes: it would show an arm that moves as standing."""
+        if stamp_s != self._stamp_s:
+            self._stamp_s, self._changed_s = stamp_s, sent_s
+        elif sent_s - self._changed_s > FROZEN_S:
+            still_ms = 1000.0 * (sent_s - self._changed_s)
+            raise DeviceError(
+                f"{krc.STATE}.TIME has stood still for {still_ms:.0f} ms: "
+                "nobody refreshes the state; is the submit interpreter running?",
+                self._where,
+            )
 
     def _member(self, kind: type[Number], value: krl.KrlValue) -> Number:
         try:

@@ -6,6 +6,7 @@ import asyncio
 import errno
 import os
 import socket
+import termios
 from collections.abc import Awaitable, Callable
 from typing import Protocol
 
@@ -103,13 +104,18 @@ async def open_tcp(host: str, port: int, timeout_s: float) -> Link:
     except TimeoutError as error:
         raise DeviceError(f"no connection within {timeout_s:g} s", where) from error
     except OSError as error:
-        reason = "nothing listens there" if error.errno == errno.ECONNREFUSED else str(error)
-        raise DeviceError(
-            f"{reason}; is KUKAVARPROXY running, and is the port right?", where
-        ) from error
+        raise DeviceError(_tcp_reason(error), where) from error
     # The server parses each TCP read event by itself, so a frame must leave at once and whole.
     transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return link
+
+
+def _tcp_reason(error: OSError) -> str:
+    if isinstance(error, socket.gaierror):
+        return "no such host; give the controller's address in arm.host"
+    if error.errno == errno.ECONNREFUSED:
+        return "nothing listens there; is KUKAVARPROXY running, and is the port right?"
+    return f"{error.strerror or error}; is the controller on, and the cable in?"
 
 
 async def open_serial(port: str, baud: int, timeout_s: float) -> Link:
@@ -127,7 +133,7 @@ async def open_serial(port: str, baud: int, timeout_s: float) -> Link:
         _, link = await serial_asyncio.create_serial_connection(
             loop, StreamLink, url=port, baudrate=baud, exclusive=True
         )
-    except serial.SerialException as error:
+    except (serial.SerialException, termios.error) as error:
         raise DeviceError(_serial_reason(error), where) from error
     except ValueError as error:
         # A name with "://" in it, or a rate that the port cannot have.
@@ -142,7 +148,11 @@ async def open_serial(port: str, baud: int, timeout_s: float) -> Link:
     return link
 
 
-def _serial_reason(error: OSError) -> str:
+def _serial_reason(error: Exception) -> str:
+    if "Inappropriate ioctl" in str(error):
+        return "it is no serial port; give the device of the servos' adapter"
+    if not isinstance(error, OSError):
+        return str(error)
     if error.errno == errno.ENOENT:
         return "there is no such port; is the cable in, and is the name right?"
     if error.errno == errno.EACCES:

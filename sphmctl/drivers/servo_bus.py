@@ -119,6 +119,9 @@ class ServoBus:
                 self._wanted = ()
             if self._link is None:
                 raise DeviceError("the port was lost during a transaction", self._where)
+            if len(self._statuses) < len(ids):
+                # A status has no number: a late one must come and go before anything else is asked.
+                await asyncio.sleep(LINK_LATENCY_S)
             return self._statuses
 
     def limit_s(self, frame: bytes, replies: int, data_bytes: int) -> float:
@@ -157,8 +160,6 @@ class ServoBus:
             statuses = await self.transact(frame, (servo_id,), data_bytes)
             if servo_id in statuses:
                 return statuses[servo_id]
-            # A status has no number: a late one must come and go before anything else is asked.
-            await asyncio.sleep(LINK_LATENCY_S)
         return None
 
     def _checked(

@@ -62,7 +62,7 @@ def test_the_question_names_duration_and_how_far_the_robot_is_away() -> None:
 
     async def test(rig: Rig) -> None:
         await rig.session.open()
-        await rig.session.prepare(plan_of(SIDES), ask)
+        await rig.session.prepare(plan_of(SIDES), 1.0, ask)
 
     _on_rig(test)
     _on_rig(test, Setup(arm_deg=(25.0, -90.0, 90.0, 0.0, 90.0, 0.0)))
@@ -79,7 +79,7 @@ def test_the_keep_alive_lets_a_user_think_for_a_minute() -> None:
     async def test(rig: Rig) -> None:
         await rig.session.open()
         plan = plan_of(SIDES)
-        approach = await rig.session.prepare(plan, think)
+        approach = await rig.session.prepare(plan, 1.0, think)
         outcome = await rig.session.play(
             plan, approach, rig.stop, lambda t, j, tau: None, lambda tau: None
         )
@@ -92,7 +92,7 @@ def test_a_servo_that_refuses_torque_ends_before_motion_with_torque_off_on_all()
     async def test(rig: Rig) -> None:
         await rig.session.open()
         await rig.session.verify()
-        approach = await rig.session.prepare(plan_of(SIDES), agree)
+        approach = await rig.session.prepare(plan_of(SIDES), 1.0, agree)
         rig.emulated.servos[2].raise_error(5)
         with pytest.raises(DeviceError, match="servo 3 refused"):
             await rig.session.play(
@@ -129,7 +129,7 @@ def test_status_of_a_cell_that_is_not_ready_says_why() -> None:
 
 
 def _job(runs_dir: Path) -> Job:
-    return Job(plan_of(SIDES), emulated_cell(), SIDES, runs_dir, NOW, "virtual")
+    return Job(plan_of(SIDES), emulated_cell(), 1.0, SIDES, runs_dir, NOW, "virtual")
 
 
 def _record(

@@ -190,7 +190,7 @@ class Rig:
         """Connect, verify, consent and drive."""
         await self.session.open()
         await self.session.verify()
-        approach = await self.session.prepare(plan, agree)
+        approach = await self.session.prepare(plan, 1.0, agree)
         return await self.session.play(plan, approach, self.stop, self._row, self.progress)
 
     async def close(self) -> None:

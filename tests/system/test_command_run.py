@@ -17,6 +17,8 @@ from typing import Any
 import pytest
 import yaml
 
+pytestmark = pytest.mark.realtime
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 OCTAGON = str(CONFIGS / "paths" / "octagon.yaml")
 WAIT_S = 60.0
@@ -230,6 +232,54 @@ def test_a_port_in_use_is_told_by_emulate_and_by_run(
         result = sphmctl("run", short_path, "--cell", cell, "--yes", "--json")
     assert result[0] == 5
     assert "in use" in error_of(result)["message"]
+
+
+def at_a_terminal(arguments: list[str], answer: bytes | signal.Signals) -> tuple[int, str]:
+    """Run a command at a terminal that answers its question; returns exit code and stdout."""
+    master, slave = os.openpty()
+    os.write(master, b"y\n")  # typed ahead, so no answer
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sphmctl", *arguments],
+        stdin=slave,
+        stderr=slave,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    os.close(slave)
+    said = b""
+    while b"[y/N]" not in said:
+        ready, _, _ = select.select([master], [], [], WAIT_S)
+        assert ready, said
+        said += os.read(master, 4096)
+    if isinstance(answer, signal.Signals):
+        process.send_signal(answer)
+    else:
+        os.write(master, answer)
+    out, _ = process.communicate(timeout=WAIT_S)
+    os.close(master)
+    assert b"Traceback" not in said
+    return process.returncode, out
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"), [(b"n\n", 2), (b"\n", 2), (b"\x04", 2), (signal.SIGINT, 130), (b"y\n", 0)]
+)
+def test_at_a_terminal_only_a_yes_moves_a_real_cell(
+    answer: bytes | signal.Signals,
+    code: int,
+    short_path: str,
+    tmp_path: Path,
+    emulator: dict[str, Any],
+) -> None:
+    cell = cell_file(tmp_path, emulator["kvp_port"], emulator["wrist_port"])
+    arguments = ["run", short_path, "--cell", cell, "--json", "--runs-dir", str(tmp_path)]
+    left, out = at_a_terminal(arguments, answer)
+    assert left == code, out
+    if code:
+        assert json.loads(out)["error"]["exit_code"] == code
+        assert not list(tmp_path.glob("*-short"))
+    else:
+        assert json.loads(out)["outcome"] == "completed"
 
 
 def test_status_tells_of_a_cell_at_rest(tmp_path: Path, emulator: dict[str, Any]) -> None:

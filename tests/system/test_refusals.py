@@ -95,7 +95,7 @@ def test_without_consent_nothing_moves() -> None:
         await rig.session.open()
         await rig.session.verify()
         with pytest.raises(UsageError, match="no consent"):
-            await rig.session.prepare(plan_of(SIDES), refuse)
+            await rig.session.prepare(plan_of(SIDES), 1.0, refuse)
         assert all(frame[4] == 0 for _, frame in rig.kvp.frames)
         await rig.close()
 
@@ -107,7 +107,7 @@ def test_a_robot_that_was_moved_while_the_question_stood_is_refused() -> None:
         rig = Rig()
         await rig.session.open()
         await rig.session.verify()
-        approach = await rig.session.prepare(plan_of(SIDES), agree)
+        approach = await rig.session.prepare(plan_of(SIDES), 1.0, agree)
         rig.emulated.servos[2].turn_by_hand(300.0)
         with pytest.raises(DeviceError, match=r"theta9 was moved by 26\.\d degrees"):
             await rig.session.play(
