@@ -129,3 +129,10 @@ def test_an_idle_loop_sleeps_after_its_last_timer() -> None:
         return turns
 
     assert clock.run(main()) < 20
+
+
+def test_urgency_ends_with_its_block_whether_or_not_it_was_granted() -> None:
+    before = os.sched_getscheduler(0)
+    with clock.urgent() as granted:
+        assert (os.sched_getscheduler(0) == os.SCHED_RR) == granted
+    assert os.sched_getscheduler(0) == before

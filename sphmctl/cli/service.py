@@ -61,6 +61,7 @@ async def _emulate(
 ) -> None:
     import asyncio
 
+    from sphmctl import clock
     from sphmctl.cli.emulation import setup_of
     from sphmctl.daemon.record import TRUTH_COLUMNS, RowFile
     from sphmctl.emulators.cell import EmulatedCell
@@ -82,7 +83,8 @@ async def _emulate(
     try:
         ready = await _serve(emulated, kvp_port, wrist_link)
         print(json.dumps(ready), flush=True)
-        await done.wait()
+        with clock.urgent():
+            await done.wait()
     finally:
         await emulated.close()
         if rows is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import dataclasses
 import gc
 import json
@@ -16,7 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sphmctl import planner
+from sphmctl import clock, planner
 from sphmctl.config import Cell, dump
 from sphmctl.daemon import assess
 from sphmctl.daemon.record import (
@@ -151,8 +152,10 @@ async def _play(
     # What lives on from planning would be searched in each collection, for up to 45 ms.
     gc.collect()
     gc.freeze()
+    real = job.clock == "real"
     try:
-        return await session.play(job.plan, approach, stop, keep, on_progress)
+        with clock.urgent() if real else contextlib.nullcontext():
+            return await session.play(job.plan, approach, stop, keep, on_progress)
     finally:
         gc.unfreeze()
         feedback.close()

@@ -27,9 +27,9 @@ CRANK_ERROR_RAD = math.radians(5.0)
 CRANK_ERROR_CYCLES = 10
 """So many cycles in a row: 100 ms, longer than any servo's lag."""
 
-SILENT_S = 0.1
-"""A servo silent for longer is a fault. Single replies get lost, and a busy host is late by tens of
-milliseconds; in this time a crank falls behind by 2.5 degrees at the octagon's speed."""
+SILENT_S, SILENT_CYCLES = 0.1, 3
+"""A servo silent for longer, and asked so often meanwhile, is a fault. Single replies get lost, and
+a busy host does not ask; meanwhile a crank falls behind by 2.5 degrees at the octagon's speed."""
 
 STALL_S = 3.0
 """The arm makes no progress for so long although it may: it starves or is blocked."""
@@ -56,6 +56,7 @@ class Watch:
         self._session = session
         self._mode = mode
         self._heard_s = [math.inf, math.inf, math.inf]
+        self._misses = [0, 0, 0]
         self._away = [0, 0, 0]
         self._progress_tau = -math.inf
         self._progress_s = 0.0
@@ -126,8 +127,11 @@ class Watch:
 
     def _is_silent(self, leg: int, state: WristState) -> bool:
         if state.servos[leg] is not None or math.isinf(self._heard_s[leg]):
-            self._heard_s[leg] = state.at_s
-        return state.at_s - self._heard_s[leg] > SILENT_S
+            self._heard_s[leg], self._misses[leg] = state.at_s, 0
+        if state.servos[leg] is None:
+            self._misses[leg] += 1
+        silent_s = state.at_s - self._heard_s[leg]
+        return silent_s > SILENT_S and self._misses[leg] >= SILENT_CYCLES
 
     def _beyond(self, joints: Floats, first: int) -> str | None:
         """The first joint measured beyond its range; NaN is not beyond."""

@@ -21,9 +21,10 @@ from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats
 from sphmctl.wire import dxl, dxl_instructions
 
-WATCHDOG_UNITS = 10
-"""Bus Watchdog, in 20 ms: a servo that hears nothing for 200 ms stops by itself. Twenty cycles, so
-that a busy host does not trip it, and less than a crank needs to leave the path by much."""
+WATCHDOG_UNITS = 25
+"""Bus Watchdog, in 20 ms: a servo that hears nothing for half a second refuses goals until it is
+armed anew. Without goals it stands at the last one, a cycle's step away, long before; a stall of a
+busy host, up to 0.3 s seen, must not trip it."""
 
 MAX_RETURN_DELAY_UNITS = 10
 """Return Delay Time, in 2 us. The factory's 250 (three times 0.5 ms a cycle) is too slow."""

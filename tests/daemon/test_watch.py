@@ -144,26 +144,34 @@ def test_a_servo_may_be_silent_for_a_while_but_not_longer(leg: int) -> None:
     silent[leg] = None
     assert watch.wrist(_wrist(*servos), CRANKS) is None
     for _ in range(3):
-        assert watch.wrist(_wrist(*silent, after_s=0.099), CRANKS) is None
+        for after_s in (0.03, 0.06, 0.099):
+            assert watch.wrist(_wrist(*silent, after_s=after_s), CRANKS) is None
         assert watch.wrist(_wrist(*servos), CRANKS) is None
-    told = watch.wrist(_wrist(*silent, after_s=0.101), CRANKS)
-    assert told == f"servo of leg {leg + 1} was silent for 100 ms"
+    told = [watch.wrist(_wrist(*silent, after_s=t), CRANKS) for t in (0.03, 0.06, 0.101)]
+    assert told == [None, None, f"servo of leg {leg + 1} was silent for 100 ms"]
+
+
+def test_after_a_stall_of_the_host_one_lost_reply_is_no_silence() -> None:
+    watch = _watch()
+    assert watch.wrist(_wrist(_servo(), _servo(), _servo()), CRANKS) is None
+    for after_s in (0.5, 0.53):
+        silent = _wrist(_servo(), None, _servo(), after_s=after_s)
+        assert watch.wrist(silent, CRANKS) is None
+    assert watch.wrist(_wrist(_servo(), _servo(), _servo(), after_s=0.56), CRANKS) is None
 
 
 def test_a_servo_that_never_answered_is_told_too() -> None:
     watch = _watch()
     silent = (None, _servo(), _servo())
-    assert watch.wrist(_wrist(*silent), CRANKS) is None
-    told = watch.wrist(_wrist(*silent, after_s=0.101), CRANKS)
-    assert told == "servo of leg 1 was silent for 100 ms"
+    told = [watch.wrist(_wrist(*silent, after_s=t), CRANKS) for t in (0.0, 0.03, 0.101)]
+    assert told == [None, None, "servo of leg 1 was silent for 100 ms"]
 
 
 def test_of_silent_servos_the_first_on_the_bus_is_named() -> None:
     watch = _watch()
-    told = [
-        watch.wrist(_wrist(_servo(), None, None, after_s=wait_s), CRANKS) for wait_s in (0.0, 0.101)
-    ]
-    assert told == [None, "servo of leg 2 was silent for 100 ms"]
+    states = [_wrist(_servo(), None, None, after_s=t) for t in (0.0, 0.03, 0.101)]
+    told = [watch.wrist(state, CRANKS) for state in states]
+    assert told == [None, None, "servo of leg 2 was silent for 100 ms"]
 
 
 SERVO_CAUSES: list[tuple[dict[str, int], str]] = [

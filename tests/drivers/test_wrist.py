@@ -181,7 +181,7 @@ def test_torque_on_holds_where_the_cranks_are(direction: tuple[int, int, int]) -
         assert bench.torques() == [1, 1, 1]
         for now in await bench.keep_up(0.5):
             assert now == pytest.approx(before, abs=1.0)
-        assert [servo.table["bus_watchdog"] for servo in bench.servos] == [10, 10, 10]
+        assert [servo.table["bus_watchdog"] for servo in bench.servos] == [25, 25, 25]
 
     _with_bench(test, setup)
 
@@ -201,8 +201,8 @@ def test_arming_writes_goal_before_torque_and_the_watchdog_last() -> None:
 def test_a_servo_left_with_torque_on_and_its_watchdog_tripped_is_armed_without_motion() -> None:
     async def test(bench: Bench) -> None:
         await bench.wrist.arm(math.radians(30.0))
-        # Nobody exchanges any more: the watchdogs trip after 200 ms and forget the profiles.
-        await asyncio.sleep(0.5)
+        # Nobody exchanges any more: the watchdogs trip after 500 ms and forget the profiles.
+        await asyncio.sleep(0.6)
         bench.emulated.world.advance()
         assert [servo.table["bus_watchdog"] for servo in bench.servos] == [-1, -1, -1]
         before = bench.ticks()
@@ -210,7 +210,7 @@ def test_a_servo_left_with_torque_on_and_its_watchdog_tripped_is_armed_without_m
         for now in await bench.keep_up(0.5):
             assert now == pytest.approx(before, abs=1.0)
         state = await bench.wrist.exchange(None)
-        assert [s and s.telemetry.watchdog for s in state.servos] == [10, 10, 10]
+        assert [s and s.telemetry.watchdog for s in state.servos] == [25, 25, 25]
 
     _with_bench(test)
 
@@ -367,7 +367,7 @@ def test_the_watchdog_stops_servos_that_hear_nothing() -> None:
     async def test(bench: Bench) -> None:
         await bench.wrist.arm(math.radians(30.0))
         await bench.keep_up(0.1, _radians(115.0, 60.0, 60.0))
-        await asyncio.sleep(0.25)
+        await asyncio.sleep(0.55)
         stopped = bench.ticks()
         await asyncio.sleep(1.0)
         assert bench.ticks() == stopped

@@ -91,7 +91,7 @@ def emulated_run(name: str, arguments: list[str], folder: Path) -> Figures:
         known(skew["max"]),
         known(skew["share_counted"]),
         known(summary["max_crank_error_deg"]),
-        known(summary["true_tracking"]["max_tcp_mm"]),
+        known((summary["true_tracking"] or {}).get("max_tcp_mm")),
         summary["duration_s"],
     )
 
