@@ -20,7 +20,7 @@ check: $(VENV)/dev.stamp
 	$(BIN)/lint-imports
 
 unit: $(VENV)/dev.stamp
-	$(BIN)/pytest -n auto -m 'not hardware and not realtime' --cov --cov-report=
+	$(BIN)/pytest -n auto --dist worksteal -m 'not hardware and not realtime' --cov --cov-report=
 	$(BIN)/pytest -m 'realtime and not hardware' --cov --cov-append --cov-report=term
 
 # Each figure beside its reference, in one run; minutes, so not part of `test`.
