@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the Debian packages that the checks need and that are missing; says what to install when it may not.
 set -eu
-needed="make python3-venv chromium"
+needed="make python3-venv chromium gcc libc6-dev g++ gcc-avr avr-libc binutils-avr libsimavr-dev avrdude arduino-core-avr"
 missing=""
 for package in $needed; do
     dpkg-query --show --showformat='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing="$missing $package"
