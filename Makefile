@@ -27,6 +27,10 @@ unit: $(VENV)/dev.stamp
 bench: $(VENV)/dev.stamp
 	$(BIN)/python tools/bench/all.py
 
+# Ten simulated minutes of the board's full cycle at 50 and at 100 Hz: minutes too.
+soak: $(VENV)/dev.stamp
+	$(BIN)/python tools/bench/soak_board.py
+
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
