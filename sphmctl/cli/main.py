@@ -13,7 +13,7 @@ import sys
 import typer
 import typer.exceptions
 
-from sphmctl.cli import kinematics, plans, runs, service
+from sphmctl.cli import commissioning, firmware, kinematics, plans, runs, service
 from sphmctl.cli.common import say
 from sphmctl.errors import SphmctlError
 
@@ -43,6 +43,8 @@ app.command("run")(runs.run)
 app.command("emulate")(service.emulate)
 app.command("doctor")(service.doctor)
 app.command("status")(service.status)
+app.command("commission")(commissioning.commission)
+app.add_typer(firmware.app)
 
 
 def main() -> None:
