@@ -16,6 +16,7 @@ from sphmctl.errors import InvalidError
 from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.robots import sphm
 from sphmctl.robots.geometry import pose_matrix
+from sphmctl.wire.board_table import BOARD_ID
 from sphmctl.yamlfile import STRICT, Numbers, Pose, Version, load, nearest, shown, wrong
 
 TICKS_PER_TURN = 4096
@@ -99,6 +100,12 @@ class Wrist(BaseModel):
         for index, servo_id in enumerate(self.ids):
             if not 0 <= servo_id <= 252:
                 raise wrong(f"{servo_id} is no servo id; give 0 to 252", "ids", index)
+        if self.board_id not in (None, BOARD_ID):
+            raise wrong(
+                f"{self.board_id} should be {BOARD_ID}, which is fixed in the board, or null "
+                "for servos on a USB adapter",
+                "board_id",
+            )
         if len({*self.ids, self.board_id}) != 4:
             raise wrong(f"{shown(self.ids)}: servos and board need different ids", "ids")
         self._check_ticks()

@@ -49,7 +49,12 @@ def numbers_of_daemon() -> dict[str, int]:
         "LATE_MS": krc.LATE_MS,
         "LOST_MS": krc.LOST_MS,
     }
-    for prefix, members in (("CMD", krc.Command), ("STATUS", krc.Status), ("FAULT", krc.Fault)):
+    for prefix, members in (
+        ("CMD", krc.Command),
+        ("STATUS", krc.Status),
+        ("FAULT", krc.Fault),
+        ("WRIST", krc.Wrist),
+    ):
         numbers |= {f"{prefix}_{member.name}": member.value for member in members}
     return numbers
 
@@ -100,7 +105,7 @@ def aggregate(text: str) -> dict[str, str]:
 
 def test_the_numbers_are_the_same_in_document_daemon_and_data_list() -> None:
     document = numbers_of_document()
-    assert len(document) == 20
+    assert len(document) == 24
     assert numbers_of_daemon() == document
     assert numbers_of_data_list() == document
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from sphmctl.cli.common import say
+from sphmctl.clock import VirtualLoop
 from sphmctl.config import Cell
 from sphmctl.drivers.connect import make_arm, make_wrist
 from sphmctl.drivers.kuka import KukaArm
 from sphmctl.drivers.link import Link, LinkOpener, MemoryLink, memory_pair
 from sphmctl.drivers.wrist import Wrist
+from sphmctl.emulators.board import Board, Mode
+from sphmctl.emulators.board import Options as BoardOptions
+from sphmctl.emulators.board_process import BoardError
 from sphmctl.emulators.cell import EmulatedCell, Setup, TruthSink
+from sphmctl.errors import DeviceError, UsageError
+from sphmctl.wire.board_table import BOARD_ID
 
 Latency = Literal["measured", "none"]
+BoardKind = Literal["none", "simulated"]
 
 
 @dataclass
@@ -49,9 +57,53 @@ def setup_of(cell: Cell) -> Setup:
     return Setup(zero_ticks=wrist.zero_ticks, direction=wrist.direction, ids=wrist.ids)
 
 
+def board_kind(value: str) -> BoardKind:
+    """The option `--board`."""
+    if value == "none":
+        return "none"
+    if value == "simulated":
+        return "simulated"
+    raise UsageError(f"{value!r}: give none or simulated", "--board")
+
+
+def with_board(cell: Cell, board: BoardKind) -> Cell:
+    """The cell whose emulated wrist has a simulated board, or none.
+
+    Raises:
+        UsageError: a simulated board for a real wrist.
+    """
+    if cell.wrist.driver != "emulated":
+        if board == "simulated":
+            raise UsageError("a simulated board is for an emulated wrist: add --dry-run", "--board")
+        return cell
+    board_id = BOARD_ID if board == "simulated" else None
+    wrist = cell.wrist.model_copy(update={"board_id": board_id})
+    return cell.model_copy(update={"wrist": wrist})
+
+
+def simulated_board(mode: Mode, host_link: Path | None = None) -> Board:
+    """A simulated board that runs the shipped firmware.
+
+    Raises:
+        DeviceError: the simulator, or what compiles it, is missing.
+    """
+    from sphmctl.board import image
+
+    options = BoardOptions(image.load().hex, host_link=host_link)
+    try:
+        board = Board(options, mode)
+    except BoardError as error:
+        raise DeviceError(str(error), "simulated board") from error
+    loop = asyncio.get_running_loop()
+    if isinstance(loop, VirtualLoop):
+        loop.accompany(board.ahead)
+    return board
+
+
 async def open_devices(
     cell: Cell,
     *,
+    board: BoardKind = "none",
     seed: int = 0,
     latency: Latency = "measured",
     virtual: bool = False,
@@ -61,10 +113,12 @@ async def open_devices(
     devices = cell.emulated_devices
     if not devices:
         return Devices(make_arm(cell), make_wrist(cell))
-    emulated = EmulatedCell(seed, setup_of(cell), latency=latency, truth=sink)
+    cell = with_board(cell, board)
+    hardware = simulated_board("held" if virtual else "paced") if board == "simulated" else None
+    emulated = EmulatedCell(seed, setup_of(cell), latency=latency, truth=sink, board=hardware)
     if virtual:
         arm = make_arm(cell, _memory(emulated.kvp.attach))
-        wrist = make_wrist(cell, _memory(lambda end: emulated.bus.attach(end, cell.wrist.baud)))
+        wrist = make_wrist(cell, _memory(lambda end: emulated.attach_wrist(end, cell.wrist.baud)))
     else:
         port, device = await emulated.serve()
         served = with_endpoints(cell, port, device)

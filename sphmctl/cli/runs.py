@@ -18,6 +18,7 @@ from sphmctl.errors import InvalidError, SphmctlError, UsageError
 if TYPE_CHECKING:
     import asyncio
 
+    from sphmctl.cli.emulation import BoardKind
     from sphmctl.daemon.run import Job
 
 EXIT_FAULT = 6
@@ -51,6 +52,10 @@ def run(
     yes: Annotated[
         bool, typer.Option("--yes", help="Do not ask before motion on a real cell.")
     ] = False,
+    board: Annotated[
+        str,
+        typer.Option(help="Behind an emulated wrist: none, or simulated (runs the real firmware)."),
+    ] = "none",
     seed: Annotated[int, typer.Option(help="What the emulated devices draw from.")] = 0,
     cell: CellOption = None,
     as_json: JsonOption = False,
@@ -64,12 +69,12 @@ def run(
     Example: sphmctl run configs/paths/octagon.yaml --dry-run
     """
     from sphmctl import clock, planner
-    from sphmctl.cli.emulation import announce
+    from sphmctl.cli.emulation import announce, board_kind, with_board
     from sphmctl.daemon.run import Job
     from sphmctl.pathfile import load_path
 
     chosen = cell_of(cell)
-    chosen = chosen.for_dry_run() if dry_run else chosen
+    chosen = with_board(chosen.for_dry_run() if dry_run else chosen, board_kind(board))
     emulated = len(chosen.emulated_devices) == 2
     announce(chosen)
     if virtual:
@@ -85,12 +90,15 @@ def run(
     text = path.read_text(encoding="utf-8")
     now = datetime.now().astimezone()
     job = Job(plan, chosen, percent / 100.0, text, runs_dir, now, "virtual" if virtual else "real")
-    summary, code = clock.run(_run(job, seed, virtual, emulated or yes), virtual=virtual)
+    running = _run(job, board_kind(board), seed, virtual, emulated or yes)
+    summary, code = clock.run(running, virtual=virtual)
     put(as_json, summary, _show)
     return code
 
 
-async def _run(job: Job, seed: int, virtual: bool, agreed: bool) -> tuple[dict[str, Any], int]:
+async def _run(
+    job: Job, board: BoardKind, seed: int, virtual: bool, agreed: bool
+) -> tuple[dict[str, Any], int]:
     import asyncio
 
     from sphmctl.cli.emulation import open_devices
@@ -99,7 +107,7 @@ async def _run(job: Job, seed: int, virtual: bool, agreed: bool) -> tuple[dict[s
     stop = asyncio.Event()
     received: list[int] = []
     with _signals(stop, received), _progress(job.plan.duration_s) as on_progress:
-        devices = await open_devices(job.cell, seed=seed, virtual=virtual)
+        devices = await open_devices(job.cell, board=board, seed=seed, virtual=virtual)
         try:
             summary = await run_job(
                 job,

@@ -13,6 +13,7 @@ from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, say
 from sphmctl.errors import DeviceError, InvalidError, UsageError
 
 if TYPE_CHECKING:
+    from sphmctl.cli.emulation import BoardKind
     from sphmctl.config import Cell
     from sphmctl.emulators.cell import EmulatedCell
 
@@ -31,6 +32,10 @@ def emulate(
     latency: Annotated[
         str, typer.Option(help="Service times of the server: measured, or none.")
     ] = "measured",
+    board: Annotated[
+        str,
+        typer.Option(help="In front of the servos: none, or simulated (runs the real firmware)."),
+    ] = "none",
     seed: Annotated[int, typer.Option(help="What the emulated devices draw from.")] = 0,
     truth: Annotated[
         Path | None,
@@ -46,23 +51,31 @@ def emulate(
     Example: sphmctl emulate --kvp-port 7000 --wrist-link /tmp/wrist
     """
     from sphmctl import clock
+    from sphmctl.cli.emulation import board_kind
 
     if flavour != "kvp":
         raise UsageError(f"{flavour!r} is not available; this version serves kvp", "--flavour")
     if latency not in ("measured", "none"):
         raise UsageError(f"{latency!r}: give measured or none", "--latency")
     say("EMULATED: no robot will move")
-    clock.run(_emulate(cell_of(cell), kvp_port, wrist_link, latency, seed, truth))
+    kind = board_kind(board)
+    clock.run(_emulate(cell_of(cell), kind, kvp_port, wrist_link, latency, seed, truth))
     return 0
 
 
 async def _emulate(
-    cell: Cell, kvp_port: int, wrist_link: Path | None, latency: str, seed: int, truth: Path | None
+    cell: Cell,
+    board: BoardKind,
+    kvp_port: int,
+    wrist_link: Path | None,
+    latency: str,
+    seed: int,
+    truth: Path | None,
 ) -> None:
     import asyncio
 
     from sphmctl import clock
-    from sphmctl.cli.emulation import setup_of
+    from sphmctl.cli.emulation import setup_of, simulated_board
     from sphmctl.daemon.record import TRUTH_COLUMNS, RowFile
     from sphmctl.emulators.cell import EmulatedCell
 
@@ -79,6 +92,7 @@ async def _emulate(
         setup_of(cell),
         latency="none" if latency == "none" else "measured",
         truth=None if rows is None else lambda t_s, joints: rows.row([t_s, *joints]),
+        board=simulated_board("paced", wrist_link) if board == "simulated" else None,
     )
     try:
         ready = await _serve(emulated, kvp_port, wrist_link)
@@ -188,4 +202,6 @@ def _show_status(document: dict[str, Any]) -> None:
     for device in ("arm", "wrist"):
         for name, value in document[device].items():
             table.add_row(device, name, str(value))
+    for name, value in (document["board"] or {}).items():
+        table.add_row("board", name, str(value))
     Console().print(table)

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from sphmctl.config import Cell
+from sphmctl.daemon.board_report import board_document
 from sphmctl.daemon.record import Events
 from sphmctl.daemon.session import Session
+from sphmctl.drivers.finding import Finding
 from sphmctl.drivers.kuka import KukaArm
-from sphmctl.drivers.wrist import Finding, Wrist
+from sphmctl.drivers.wrist import Wrist
 from sphmctl.errors import DeviceError, SphmctlError
 
 TIMER_TURNS = 100
@@ -130,6 +132,7 @@ async def state_of(cell: Cell, arm: KukaArm, wrist: Wrist) -> dict[str, Any]:
                 "servos": _servo_states(cell.wrist.ids, servos),
                 "cranks_deg": cranks,
             },
+            "board": await _board(wrist),
             "run": None,
         }
     finally:
@@ -148,6 +151,14 @@ def _servo_states(ids: tuple[int, ...], findings: list[Finding]) -> list[dict[st
         problems = [f"{f.name}: {f.detail}; {f.remedy}" for f in own if not f.ok]
         states.append({"id": servo_id, "ready": not problems, "problems": problems})
     return states
+
+
+async def _board(wrist: Wrist) -> dict[str, Any] | None:
+    """None too for a board that is silent, which is the cause then."""
+    try:
+        return await board_document(wrist.board)
+    except DeviceError:
+        return None
 
 
 async def _cranks(wrist: Wrist) -> list[float] | None:

@@ -193,6 +193,7 @@ def _conclude(
         "outcome": outcome.outcome,
         "cause": outcome.cause,
         "unconfirmed": outcome.unconfirmed,
+        "board": outcome.board,
         "run_dir": str(folder),
         "duration_s": round(duration_s, 3),
         "planned_s": round(job.plan.duration_s, 3),
@@ -292,7 +293,7 @@ def _report(
     )
 
 
-BAD_EVENTS = {"fault", "wrist lost", "standstill not seen", "disarm", "faulted"}
+BAD_EVENTS = {"fault", "wrist lost", "board lost", "standstill not seen", "disarm", "faulted"}
 
 
 def _event(t_s: float, name: str, fields: dict[str, Any]) -> Event:

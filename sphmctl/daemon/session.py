@@ -10,24 +10,25 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from sphmctl import planner
 from sphmctl.config import Cell
+from sphmctl.daemon.board_report import board_begins, board_ends
+from sphmctl.daemon.examine_arm import examine_arm
 from sphmctl.daemon.follow import Lead
 from sphmctl.daemon.record import Events
 from sphmctl.daemon.stream import Motion, StopRequestedError
 from sphmctl.daemon.watch import MEASURED_TOLERANCE_RAD
 from sphmctl.daemon.wrist_loop import Hold, WristLoop
 from sphmctl.drivers import krc_interface as krc
-from sphmctl.drivers.kuka import PROGRAM, ArmState, KukaArm
-from sphmctl.drivers.wrist import Finding, Wrist
+from sphmctl.drivers.finding import Finding
+from sphmctl.drivers.kuka import KukaArm
+from sphmctl.drivers.wrist import Wrist
 from sphmctl.errors import DeviceError, SphmctlError, UsageError
 from sphmctl.motion import JOINT_NAMES, Floats, Plan
-
-MOVING_MODES = ("EX", "EXT", "AUT", "T1")
-"""Operating modes in which a plan may be driven; T2 is manual at full speed."""
 
 AT_START_RAD = math.radians(0.5)
 """Closer than this to the plan's start the approach is not worth a question."""
@@ -52,6 +53,7 @@ class Outcome:
         cause: why, if not completed.
         unconfirmed: what could not be seen to be safe at the end, one sentence each.
         begin_s, end_s: host times of the plan's motion; NaN if it never began.
+        board: the board's identity, and its counters at begin and end; None without a board.
     """
 
     outcome: str = "completed"
@@ -59,6 +61,7 @@ class Outcome:
     unconfirmed: list[str] = field(default_factory=list)
     begin_s: float = math.nan
     end_s: float = math.nan
+    board: dict[str, Any] | None = None
 
 
 class Session:
@@ -101,34 +104,10 @@ class Session:
 
     async def examine_arm(self) -> list[Finding]:
         """Look whether this is the right robot with the right program, ready to move."""
-        identity = await self._arm.identity()
-        wanted = self._cell.arm.model
-        findings = [
-            _finding(
-                "robot",
-                identity.model,
-                wanted.upper() in identity.model.upper().replace(" ", ""),
-                f"the cell file says {wanted}; connect the right controller or change arm.model",
-            ),
-            _finding(
-                "program",
-                identity.program or "none selected",
-                identity.program.upper() == PROGRAM,
-                f"select {PROGRAM} on the controller",
-            ),
-            _finding(
-                "program state",
-                identity.program_state,
-                identity.program_state == "#P_ACTIVE",
-                f"start {PROGRAM} and let it reach its first point (BCO)",
-            ),
-        ]
-        if all(f.ok for f in findings):
-            findings += _examine_state(await self._arm.read_state())
-        return findings
+        return await examine_arm(self._cell, self._arm)
 
     async def examine_wrist(self) -> list[Finding]:
-        """Look at the three servos."""
+        """Look at the board, if there is one, and at the three servos."""
         return await self._wrist.examine()
 
     async def verify(self) -> None:
@@ -201,11 +180,12 @@ class Session:
         ]
         first = plan if approach is None else approach
         await self._still_there(first)
+        board = await board_begins(self._wrist.board, self._events)
         await self._wrist.arm(float(max(speeds)))
         self._events.add("armed")
         loop = WristLoop(self._wrist, first.joints[0, 6:], self._events)
         task = asyncio.create_task(loop.run(), name="wrist loop")
-        outcome = Outcome()
+        outcome = Outcome(board=board)
         lead = Lead()
         try:
             if approach is not None:
@@ -219,6 +199,7 @@ class Session:
             loop.end()
             await asyncio.gather(task, return_exceptions=True)
             await self._disarm(outcome)
+            await board_ends(self._wrist.board, outcome.board, self._events)
         self._events.add(outcome.outcome, cause=outcome.cause, late_cycles=loop.late_cycles)
         return outcome
 
@@ -346,43 +327,3 @@ def _question(plan: Plan, approach: Plan | None, away: Floats) -> str:
         f"of joint space ({approach.duration_s:.1f} s, at most "
         f"{1000.0 * _platform_m_s(approach):.0f} mm/s). Is the way free? Move now?"
     )
-
-
-def _examine_state(state: ArmState) -> list[Finding]:
-    return [
-        _finding(
-            "program version",
-            str(state.version),
-            state.version == krc.VERSION,
-            f"install the program of interface version {krc.VERSION}",
-        ),
-        _finding(
-            "mode",
-            state.mode,
-            state.mode in MOVING_MODES,
-            f"choose one of {', '.join(MOVING_MODES)}",
-        ),
-        _finding(
-            "safety chain",
-            "closed" if state.safe else "open",
-            state.safe,
-            "release the emergency stop and close the gate",
-        ),
-        _finding("drives", "on" if state.drives else "off", state.drives, "switch the drives on"),
-        _finding(
-            "messages",
-            "stop message" if state.stop_message else "none",
-            not state.stop_message,
-            "acknowledge the messages on the pendant",
-        ),
-        _finding(
-            "arm",
-            "moving" if state.moving else "at rest",
-            not state.moving,
-            "wait until no other program moves it",
-        ),
-    ]
-
-
-def _finding(name: str, detail: str, ok: bool, remedy: str) -> Finding:
-    return Finding(name, ok, detail, "" if ok else remedy)

@@ -31,6 +31,14 @@ SILENT_S, SILENT_CYCLES = 0.1, 3
 """A servo silent for longer, and asked so often meanwhile, is a fault. Single replies get lost, and
 a busy host does not ask; meanwhile a crank falls behind by 2.5 degrees at the octagon's speed."""
 
+BOARD_MISSES = 2
+"""So many questions in a row without an answer are a fault. Each waits for 32 ms, and a silent
+board is asked again in the next cycle: 130 ms where the servos behind it are silent too."""
+
+NO_OK_S = 0.150
+"""The controller may be without "wrist ok" for so long, braking, before that is the cause: the
+board is asked every 50 ms, and knows why."""
+
 STALL_S = 3.0
 """The arm makes no progress for so long although it may: it starves or is blocked."""
 
@@ -39,6 +47,7 @@ FAULT_TEXTS = {
     krc.Fault.SEQUENCE: "the controller found a knot with a wrong sequence number",
     krc.Fault.KNOT: "the controller refused a knot's speed or axes",
     krc.Fault.CONTROLLER: "the controller stopped the program",
+    krc.Fault.WRIST: "the controller has no wrist ok, though the board gives it: look at the line",
 }
 
 
@@ -60,6 +69,7 @@ class Watch:
         self._away = [0, 0, 0]
         self._progress_tau = -math.inf
         self._progress_s = 0.0
+        self._no_ok_s = math.inf
 
     def arm(self, state: ArmState, off_plan_rad: float) -> str | None:
         """Why the arm's state ends the motion, or None."""
@@ -70,7 +80,7 @@ class Watch:
     def _controller(self, state: ArmState) -> str | None:
         """What the controller itself reports, the most telling first."""
         fault = state.status is krc.Status.FAULT
-        if fault and state.fault is not krc.Fault.CONTROLLER:
+        if fault and state.fault not in (krc.Fault.CONTROLLER, krc.Fault.WRIST):
             return FAULT_TEXTS.get(state.fault, "the KRL program reports a fault")
         if not state.safe:
             return "the controller reports an emergency stop or an open gate"
@@ -80,7 +90,17 @@ class Watch:
             return "the controller's drives are off"
         if state.stop_message:
             return "the controller shows a stop message"
-        return FAULT_TEXTS[krc.Fault.CONTROLLER] if fault else None
+        if fault and state.fault is krc.Fault.CONTROLLER:
+            return FAULT_TEXTS[krc.Fault.CONTROLLER]
+        return self._line(state)
+
+    def _line(self, state: ArmState) -> str | None:
+        """The line "wrist ok", as the controller sees it."""
+        if state.wrist is not krc.Wrist.OFF and state.fault is not krc.Fault.WRIST:
+            self._no_ok_s = math.inf
+            return None
+        self._no_ok_s = min(self._no_ok_s, state.at_s)
+        return FAULT_TEXTS[krc.Fault.WRIST] if state.at_s - self._no_ok_s > NO_OK_S else None
 
     def _course(self, state: ArmState, off_plan_rad: float) -> str | None:
         if state.status is krc.Status.STOPPED:
@@ -101,7 +121,11 @@ class Watch:
         return None
 
     def wrist(self, state: WristState, required: Floats) -> str | None:
-        """Why the wrist's state ends the motion, or None."""
+        """Why the state of the board or of the servos ends the motion, or None."""
+        if state.board_misses >= BOARD_MISSES:
+            return "the board was silent twice in a row"
+        if state.board is not None and (trouble := state.board.trouble()) is not None:
+            return trouble
         silent = [leg for leg in range(3) if self._is_silent(leg, state)]
         if silent:
             # Servos behind a silent one are silent too: the first is the one to look at.

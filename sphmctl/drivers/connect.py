@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from sphmctl.config import Cell
+from sphmctl.drivers.board import Board
 from sphmctl.drivers.kuka import KukaArm
 from sphmctl.drivers.kvp_client import KvpClient
 from sphmctl.drivers.link import Link, LinkOpener, open_serial, open_tcp
@@ -32,18 +33,8 @@ def make_arm(cell: Cell, opener: LinkOpener | None = None) -> KukaArm:
 
 
 def make_wrist(cell: Cell, opener: LinkOpener | None = None) -> Wrist:
-    """The wrist of a cell; `opener` replaces its serial port.
-
-    Raises:
-        DeviceError: the cell has a board, which this version does not drive.
-    """
+    """The wrist of a cell, behind its board if it has one; `opener` replaces its serial port."""
     wrist = cell.wrist
-    if wrist.board_id is not None:
-        raise DeviceError(
-            f"board_id is {wrist.board_id}, but this version drives servos on a USB adapter only; "
-            "set board_id to null",
-            "wrist",
-        )
     port = wrist.port or ""
 
     async def connect() -> Link:
@@ -51,10 +42,13 @@ def make_wrist(cell: Cell, opener: LinkOpener | None = None) -> Wrist:
 
     where = f"wrist {port}" if opener is None else "wrist"
     ranges = cell.ranges_rad[6:]
+    bus = ServoBus(opener or connect, where, wrist.baud, board_id=wrist.board_id)
+    board = None if wrist.board_id is None else Board(bus, wrist.board_id, port, where)
     return Wrist(
-        ServoBus(opener or connect, where, wrist.baud),
+        bus,
         wrist.ids,
         CrankScale(wrist.zero_ticks, wrist.direction),
         (float(ranges[:, 0].min()), float(ranges[:, 1].max())),
         where,
+        board,
     )

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from types import MappingProxyType
 
-VERSION = 1
+VERSION = 2
 """Version of the interface that this driver speaks."""
 
 RING = 64
@@ -20,6 +20,10 @@ LATE_MS = 120
 
 LOST_MS = 1000
 """A heartbeat unchanged for longer ends the motion, ms."""
+
+
+CYCLE_S = 0.012
+"""Interpolation cycle of a KRC4, at which the state structure is refreshed."""
 
 
 class Command(IntEnum):
@@ -51,6 +55,15 @@ class Fault(IntEnum):
     SEQUENCE = 2
     KNOT = 3
     CONTROLLER = 4
+    WRIST = 5
+
+
+class Wrist(IntEnum):
+    """The input "wrist ok"."""
+
+    NONE = 0
+    OFF = 1
+    ON = 2
 
 
 KNOT = "SPH_KNOT"
@@ -88,6 +101,7 @@ STATE_FIELDS: Mapping[str, str] = MappingProxyType(
         "SESSION": "INT",
         "STATUS": "INT",
         "FAULT": "INT",
+        "WRIST": "INT",
         "RD": "INT",
         "DONE": "INT",
         "BEAT": "INT",

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from sphmctl.drivers import krc_interface as krc
-from sphmctl.drivers.controller_clock import ControllerClock
+from sphmctl.drivers.device_clock import DeviceClock
 from sphmctl.drivers.kvp_client import KvpClient
 from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats
@@ -58,6 +58,7 @@ class ArmState:
     session: int
     status: krc.Status
     fault: krc.Fault
+    wrist: krc.Wrist
     taken: int
     passed: int
     override_percent: int
@@ -82,7 +83,7 @@ class KukaArm:
     def __init__(self, client: KvpClient, where: str) -> None:
         self._client = client
         self._where = where
-        self._clock = ControllerClock()
+        self._clock = DeviceClock(krc.CYCLE_S)
         self._beat = 0
         self._stamp_s = math.nan
         self._changed_s = -math.inf
@@ -129,6 +130,7 @@ class KukaArm:
             session=_integer(fields["SESSION"]),
             status=self._member(krc.Status, fields["STATUS"]),
             fault=self._member(krc.Fault, fields["FAULT"]),
+            wrist=self._member(krc.Wrist, fields["WRIST"]),
             taken=_integer(fields["RD"]),
             passed=_integer(fields["DONE"]),
             override_percent=_integer(fields["OV"]),

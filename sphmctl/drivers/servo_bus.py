@@ -24,6 +24,11 @@ LINK_LATENCY_S = 0.015
 STATUS_OVERHEAD_BYTES = 11
 """Status packet without data: header 4, id, length 2, instruction, error, CRC 2."""
 
+BOARD_SILENCE_S = 2.0
+"""Nothing is sent for so long after a board's port was opened. Opening resets an Arduino Mega,
+whose bootloader listens for 0.84 s; a byte that it hears meanwhile keeps it there for 5 s, and a
+ping every half second for ever (measured with Debian's; arduino/ArduinoCore-avr issue 172)."""
+
 ATTEMPTS = 8
 """At rest, a lost reply is asked for so often in all, over a quarter of a second, which outlasts a
 busy host; while streaming never again."""
@@ -40,15 +45,26 @@ class ServoBus:
         where: how messages name the port.
         baud: bits per second, for the time limits.
         return_delay_s: longest Return Delay Time of the servos.
+        board_id: a board between port and servos, which stores each frame before it forwards it
+            and must not hear a byte while it boots; None: a plain adapter.
+
+    Attributes:
+        byte_s: time of one byte on the wire.
     """
 
     def __init__(
-        self, opener: LinkOpener, where: str, baud: int, return_delay_s: float = 0.000_510
+        self,
+        opener: LinkOpener,
+        where: str,
+        baud: int,
+        return_delay_s: float = 0.000_510,
+        board_id: int | None = None,
     ) -> None:
         self._opener = opener
         self._where = where
-        self._byte_s = BITS_PER_BYTE / baud
+        self.byte_s = BITS_PER_BYTE / baud
         self._return_delay_s = return_delay_s
+        self._board_id = board_id
         self._link: Link | None = None
         self._lock = asyncio.Lock()
         self._splitter = dxl.Splitter()
@@ -64,12 +80,30 @@ class ServoBus:
         return self._link is not None
 
     async def connect(self) -> None:
-        """Open the port; does nothing when it is open."""
-        if self._link is None:
+        """Open the port and let a board boot; does nothing when it is open.
+
+        Raises:
+            DeviceError: the port cannot be opened, or is lost meanwhile.
+        """
+        async with self._lock:
+            if self._link is not None:
+                return
             link = await self._opener()
             link.on_bytes = self._take
             link.on_lost = self._lose
             self._link = link
+            if self._board_id is not None:
+                await self._be_silent()
+
+    async def _be_silent(self) -> None:
+        """Leave a board that boots alone, and close when that is given up."""
+        try:
+            await asyncio.sleep(BOARD_SILENCE_S)
+        except BaseException:
+            await self.close()
+            raise
+        if self._link is None:
+            raise DeviceError("the port was lost while the board booted", self._where)
 
     async def close(self) -> None:
         """Close the port; may be called again."""
@@ -126,12 +160,17 @@ class ServoBus:
 
     def limit_s(self, frame: bytes, replies: int, data_bytes: int) -> float:
         """How long a transaction may take: wire time, return delays, link latency."""
-        wire_bytes = len(frame) + replies * (STATUS_OVERHEAD_BYTES + data_bytes)
-        return wire_bytes * self._byte_s + replies * self._return_delay_s + LINK_LATENCY_S
+        reply_s = (STATUS_OVERHEAD_BYTES + data_bytes) * self.byte_s + self._return_delay_s
+        return self.wire_s(frame) + replies * reply_s + LINK_LATENCY_S
 
-    def wire_s(self, frame: bytes) -> float:
-        """How long `frame` is on the wire: it takes effect at its end."""
-        return len(frame) * self._byte_s
+    def wire_s(self, *frames: bytes) -> float:
+        """How long frames sent at once are on the wire: the last takes effect at its end.
+
+        A board forwards each when it has it whole: the longest is on the way twice.
+        """
+        sizes = [len(frame) for frame in frames]
+        stored = 0 if self._board_id is None else max(sizes)
+        return (sum(sizes) + stored) * self.byte_s
 
     async def ping(self, servo_id: int) -> dxl.Status | None:
         """The servo's answer to a ping (model number, firmware), or None."""
@@ -165,12 +204,13 @@ class ServoBus:
     def _checked(
         self, status: dxl.Status | None, servo_id: int, what: str, data_bytes: int
     ) -> bytes:
+        kind = "board" if servo_id == self._board_id else "servo"
         if status is None:
-            raise DeviceError(f"servo {servo_id} did not answer {what}", self._where)
+            raise DeviceError(f"{kind} {servo_id} did not answer {what}", self._where)
         try:
             return dxl.expect_data(status, data_bytes)
         except DeviceError as error:
-            message = f"servo {servo_id} refused {what}: {error.message}"
+            message = f"{kind} {servo_id} refused {what}: {error.message}"
             raise DeviceError(message, self._where) from error
 
     def _take(self, data: bytes) -> None:

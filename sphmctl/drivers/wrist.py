@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sphmctl.drivers import xl430
+from sphmctl.drivers.board import Board, BoardState
+from sphmctl.drivers.finding import Finding
 from sphmctl.drivers.servo_bus import ServoBus
 from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats
@@ -36,6 +38,11 @@ MIN_PROFILE_RAD_S = math.radians(20.0)
 """Profile Velocity for a plan whose cranks hardly move."""
 
 PROFILE_LIMIT_UNITS = 32_767
+
+BOARD_CYCLES = 5
+"""Every so many cycles the board is read too: each 50 ms. Behind an ATmega16U2 that takes one more
+flush of 4.1 ms, which still fits into 10 ms; the board itself acts at once, and keeps the times of
+four knots."""
 
 
 @dataclass(frozen=True)
@@ -82,25 +89,19 @@ class WristState:
     Attributes:
         servos: in leg order; None where a servo was silent or sent nonsense.
         at_s: host time at which the servos took their positions.
+        board: the newest state of the board; None without one, or before its first answer.
+        board_misses: how often in a row it has been silent.
     """
 
     servos: tuple[ServoState | None, ...]
     at_s: float
+    board: BoardState | None = None
+    board_misses: int = 0
 
     @property
     def cranks(self) -> Floats:
         """Crank angles, rad, shape (3,); NaN for a silent servo."""
         return np.array([math.nan if s is None else s.crank for s in self.servos])
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One property of the wrist that was looked at."""
-
-    name: str
-    ok: bool
-    detail: str
-    remedy: str = ""
 
 
 class Wrist:
@@ -112,6 +113,7 @@ class Wrist:
         scale: counts and crank angles.
         crank_range: what the servos' position limits must let through, rad.
         where: how messages name the wrist.
+        board: the board behind which the servos hang; None: a plain adapter.
     """
 
     def __init__(
@@ -121,12 +123,17 @@ class Wrist:
         scale: CrankScale,
         crank_range: tuple[float, float],
         where: str,
+        board: Board | None = None,
     ) -> None:
+        self.board = board
         self._bus = bus
         self._ids = ids
         self._scale = scale
         self._where = where
         self._crank_range = crank_range
+        self._cycles = 0
+        self._board_state: BoardState | None = None
+        self._board_misses = 0
         self.armed = False
 
     @property
@@ -143,12 +150,14 @@ class Wrist:
         await self._bus.close()
 
     async def examine(self) -> list[Finding]:
-        """Look at each servo: model, firmware and set-up. Changes nothing.
+        """Look at the board, and at each servo: model, firmware and set-up. Changes nothing.
 
         Raises:
             DeviceError: the port is lost.
         """
-        findings: list[Finding] = []
+        findings = [] if self.board is None else await self.board.examine()
+        if not all(f.ok for f in findings):
+            return findings
         for leg, servo_id in enumerate(self._ids):
             findings += await self._examine_servo(leg, servo_id)
         return findings
@@ -175,17 +184,25 @@ class Wrist:
     async def arm(self, speed_rad_s: float) -> None:
         """Torque on, holding where the cranks are; from here on `exchange` must be called.
 
+        A board is armed first, since it keeps goals from the servos until then, and puts the line
+        "wrist ok" on when all servos hold.
+
         Args:
             speed_rad_s: the fastest that the plan moves a crank.
 
         Raises:
-            DeviceError: a servo is silent or refuses; then torque is off again.
+            DeviceError: a device is silent or refuses; then torque is off again.
         """
         profile = max(speed_rad_s * PROFILE_MARGIN, MIN_PROFILE_RAD_S)
         units = min(math.ceil(profile / xl430.VELOCITY_UNIT_RAD_S), PROFILE_LIMIT_UNITS)
         try:
+            if self.board is not None:
+                await self.board.arm()
+                self._board_state, self._board_misses = None, 0
             for servo_id in self._ids:
                 await self._arm_servo(servo_id, units)
+            if self.board is not None:
+                await self.board.permit()
         except BaseException:
             await self.disarm()
             raise
@@ -202,26 +219,35 @@ class Wrist:
             servos after it on the bus are silent too (they answer in a chain).
         """
         size = xl430.TELEMETRY_FORMAT.size
-        frame = dxl_instructions.sync_read(xl430.INDIRECT_DATA_1, size, self._ids)
+        frames = [dxl_instructions.sync_read(xl430.INDIRECT_DATA_1, size, self._ids)]
         if cranks is not None:
             goals = (struct.pack("<i", within(ticks)) for ticks in self._scale.ticks(cranks))
             data_of = dict(zip(self._ids, goals, strict=True))
-            frame = dxl_instructions.sync_write(xl430.GOAL_POSITION, data_of) + frame
+            frames.insert(0, dxl_instructions.sync_write(xl430.GOAL_POSITION, data_of))
         sent_s = asyncio.get_running_loop().time()
-        statuses = await self._bus.transact(frame, self._ids, size)
+        statuses = await self._bus.transact(b"".join(frames), self._ids, size)
         servos = tuple(
             self._servo_state(leg, statuses.get(servo_id)) for leg, servo_id in enumerate(self._ids)
         )
-        return WristState(servos, sent_s + self._bus.wire_s(frame))
+        if self.board is not None:
+            await self._look_at_board(self.board, None in servos)
+        at_s = sent_s + self._bus.wire_s(*frames)
+        return WristState(servos, at_s, self._board_state, self._board_misses)
 
     async def disarm(self) -> list[str]:
-        """Torque off and watchdog off on every servo that can be reached.
+        """Wrist ok off, then torque off and watchdog off on every servo that can be reached.
 
         Returns:
-            A sentence for each servo whose torque could not be seen to be off.
+            A sentence for each servo whose torque could not be seen to be off, and for a board
+            that did not answer.
         """
         self.armed = False
         problems = []
+        if self.board is not None:
+            try:
+                await self.board.disarm()
+            except DeviceError as error:
+                problems.append(f"the board was not disarmed ({error.message})")
         for servo_id in self._ids:
             try:
                 await self._bus.write(servo_id, xl430.TORQUE_ENABLE, b"\0")
@@ -231,6 +257,17 @@ class Wrist:
             except DeviceError as error:
                 problems.append(f"servo {servo_id}: torque off was not confirmed ({error.message})")
         return problems
+
+    async def _look_at_board(self, board: Board, servo_silent: bool) -> None:
+        """Read the board when it is due, or when it could tell why a servo is silent."""
+        self._cycles += 1
+        if self._cycles % BOARD_CYCLES and not servo_silent and not self._board_misses:
+            return
+        state = await board.look()
+        if state is None:
+            self._board_misses += 1
+        else:
+            self._board_state, self._board_misses = state, 0
 
     async def _arm_servo(self, servo_id: int, profile_units: int) -> None:
         bus = self._bus

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from sphmctl.emulators.adapter import Usb
-from sphmctl.emulators.krc4 import Controller, Options
+from sphmctl.emulators.board import Board
+from sphmctl.emulators.board_bus import BoardBus
+from sphmctl.emulators.board_host import BoardHost
+from sphmctl.emulators.krc4 import TICK_STEPS, Controller, Options
 from sphmctl.emulators.kvp_server import KvpServer, Latency
 from sphmctl.emulators.kvp_server import Pipe as KvpPipe
+from sphmctl.emulators.lines import Wiring
 from sphmctl.emulators.servo_bus import Pipe as WristPipe
 from sphmctl.emulators.servo_bus import ServoBus
-from sphmctl.emulators.world import World
+from sphmctl.emulators.world import STEP_US, World
 from sphmctl.emulators.xl430 import Servo
 
 COUNTS_PER_TURN = 4096
 
-LIVE_PERIOD_S = 0.020
-"""How often the world is brought up to date when nobody asks: watchdogs must trip unobserved."""
+LIVE_PERIOD_S = TICK_STEPS * STEP_US / 1e6
+"""How often the world is brought up to date when nobody asks, in step with the robot program:
+watchdogs must trip unobserved, and its outputs change on time."""
 
 TruthSink = Callable[[float, tuple[float, ...]], None]
 
@@ -55,6 +61,8 @@ class EmulatedCell:
         pacing: whether the servo bus takes its wire time.
         truth: also told of each row of true joints.
         options: the controller's own settings.
+        board: a simulated board between host and servos, its lines wired to the controller; the
+            cell closes it.
     """
 
     def __init__(
@@ -67,6 +75,7 @@ class EmulatedCell:
         pacing: bool = True,
         truth: TruthSink | None = None,
         options: Options | None = None,
+        board: Board | None = None,
     ) -> None:
         self.setup = setup or Setup()
         rng = random.Random(seed)
@@ -74,15 +83,24 @@ class EmulatedCell:
         self.controller = Controller(
             self.world,
             random.Random(rng.random()),
-            options or Options(start_deg=self.setup.arm_deg),
+            options or Options(start_deg=self.setup.arm_deg, lines=board is not None),
         )
         self.servos = tuple(self._servo(leg, random.Random(rng.random())) for leg in range(3))
         self.kvp = KvpServer(self.controller, self.world, random.Random(rng.random()), latency)
-        self.bus = ServoBus(
-            self.world, self.servos, random.Random(rng.random()), usb=usb, pacing=pacing
-        )
+        phase = random.Random(rng.random())
+        self.bus = ServoBus(self.world, self.servos, phase, usb=usb, pacing=pacing)
+        self.board = board
+        self.wiring: Wiring | None = None
+        if board is not None:
+            self._connect(board, usb, phase)
         self.world.watch(self.true_joints_deg, truth)
         self._live = asyncio.get_running_loop().create_task(self._stay_live(), name="world")
+
+    def _connect(self, board: Board, usb: Usb, phase: random.Random) -> None:
+        self.board_bus = BoardBus(board, self.servos, self.world.advance)
+        self._board_host = BoardHost(board, phase, usb)
+        if self.controller.lines is not None:
+            self.wiring = Wiring(self.controller.lines, board, self.world.advance)
 
     def _servo(self, leg: int, rng: random.Random) -> Servo:
         setup = self.setup
@@ -109,7 +127,14 @@ class EmulatedCell:
     def attach(self, kvp: KvpPipe, wrist: WristPipe, baud: int) -> None:
         """Serve both protocols on memory links."""
         self.kvp.attach(kvp)
-        self.bus.attach(wrist, baud)
+        self.attach_wrist(wrist, baud)
+
+    def attach_wrist(self, wrist: WristPipe, baud: int) -> None:
+        """Serve the servos on a memory link, through a held board where there is one."""
+        if self.board is None:
+            self.bus.attach(wrist, baud)
+        else:
+            self._board_host.attach(wrist, baud)
 
     async def serve(self, kvp_port: int = 0, wrist_link: Path | None = None) -> tuple[int, str]:
         """Serve on loopback TCP and a pseudo-terminal; returns port and device path.
@@ -118,7 +143,8 @@ class EmulatedCell:
             OSError: the port is in use, or the link cannot be made.
         """
         port = await self.kvp.serve_tcp("127.0.0.1", kvp_port)
-        return port, self.bus.open_pty(wrist_link)
+        # A paced board has its own pseudo-terminal, and made its link at power-up.
+        return port, self.bus.open_pty(wrist_link) if self.board is None else self.board.port
 
     async def close(self) -> None:
         """Hang up and stop living."""
@@ -126,8 +152,12 @@ class EmulatedCell:
         await asyncio.gather(self._live, return_exceptions=True)
         await self.kvp.close()
         await self.bus.close()
+        if self.board is not None:
+            self.board.close()
 
     async def _stay_live(self) -> None:
+        loop = asyncio.get_running_loop()
         while True:
             self.world.advance()
-            await asyncio.sleep(LIVE_PERIOD_S)
+            turns = math.floor((loop.time() - self.world.start_s) / LIVE_PERIOD_S + 1e-6) + 1
+            await asyncio.sleep(self.world.start_s + turns * LIVE_PERIOD_S - loop.time())

@@ -10,6 +10,7 @@ import random
 from dataclasses import dataclass
 
 from sphmctl.emulators.arm import STEP_S, Arm, in_range
+from sphmctl.emulators.lines import Lines
 from sphmctl.emulators.standin import VERSION, Program
 from sphmctl.emulators.system_variables import MODE_OP, Panel, declare_system_variables
 from sphmctl.emulators.variables import Store
@@ -43,6 +44,7 @@ class Options:
         program_state: `$PRO_STATE1`; P_FREE for nothing selected.
         program_version: what our program says of itself.
         installed: whether our program and its variables are on the controller at all.
+        lines: whether its lines to a board are connected.
     """
 
     start_deg: tuple[float, ...] = (0.0, -90.0, 90.0, 0.0, 90.0, 0.0)
@@ -52,6 +54,7 @@ class Options:
     program_state: str = "P_ACTIVE"
     program_version: int = VERSION
     installed: bool = True
+    lines: bool = False
 
 
 class Controller:
@@ -84,9 +87,12 @@ class Controller:
         )
         errors_deg = tuple(rng.gauss(0.0, MEASURING_ERROR_DEG) for _ in range(6))
         declare_system_variables(self.store, self.panel, self.arm, self.timer_ms, errors_deg)
+        self.lines = Lines() if self.options.lines else None
         self.program: Program | None = None
         if self.options.installed:
-            self.program = Program(self.store, self.arm, self.panel, self.options.program_version)
+            self.program = Program(
+                self.store, self.arm, self.panel, self.options.program_version, self.lines
+            )
         world.add(self)
 
     def timer_ms(self) -> int:

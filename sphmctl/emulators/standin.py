@@ -15,10 +15,11 @@ from dataclasses import dataclass
 
 from sphmctl.emulators.arm import Arm, in_range
 from sphmctl.emulators.krl_text import Array, Bool, Int, Real, Struct, Value
+from sphmctl.emulators.lines import Lines
 from sphmctl.emulators.system_variables import E6AXIS, MODE_OP, Panel, axis_value
 from sphmctl.emulators.variables import Store
 
-VERSION = 1
+VERSION = 2
 RING = 64
 LATE_MS = 120
 LOST_MS = 1000
@@ -40,6 +41,11 @@ FAULT_BEAT = 1
 FAULT_SEQUENCE = 2
 FAULT_KNOT = 3
 FAULT_CONTROLLER = 4
+FAULT_WRIST = 5
+
+WRIST_NONE = 0
+WRIST_OFF = 1
+WRIST_ON = 2
 
 ADVANCE = 3
 """Planned blocks that wait behind the running one: `$ADVANCE` of the standard INI."""
@@ -52,6 +58,7 @@ SPH_STATE_T = Struct(
         ("SESSION", Int()),
         ("STATUS", Int()),
         ("FAULT", Int()),
+        ("WRIST", Int()),
         ("RD", Int()),
         ("DONE", Int()),
         ("BEAT", Int()),
@@ -85,13 +92,22 @@ class Program:
         arm: what it moves.
         panel: what the controller says about modes, drives and stops.
         version: what the state structure says; another one than VERSION plays an old program.
+        lines: its lines to a board; None where none are connected.
     """
 
-    def __init__(self, store: Store, arm: Arm, panel: Panel, version: int = VERSION) -> None:
+    def __init__(
+        self,
+        store: Store,
+        arm: Arm,
+        panel: Panel,
+        version: int = VERSION,
+        lines: Lines | None = None,
+    ) -> None:
         self._store = store
         self._arm = arm
         self._panel = panel
         self._version = version
+        self._lines = lines
         self._status = STATUS_IDLE
         self._fault = FAULT_NONE
         self._session = self._rd = self._done = self._beat = 0
@@ -114,15 +130,32 @@ class Program:
             self._beat, self._beat_ms = beat, time_ms
         passed = self._arm.finished - self._finished
         self._finished += passed
+        self._put_lines(passed)
         if self._status in (STATUS_RUNNING, STATUS_HOLDING):
             self._done += passed
             self._drive(self._int("SPH_CMD"), time_ms - self._beat_ms)
         elif self._session_taken():
             self._status, self._fault = STATUS_READY, FAULT_NONE
-        elif self._status == STATUS_READY and self._int("SPH_CMD") == CMD_RUN:
+        elif self._may_begin():
             self._status, self._mode = STATUS_RUNNING, self._panel.mode
             self._drive(CMD_RUN, time_ms - self._beat_ms)
         self._publish(time_ms)
+
+    def _may_begin(self) -> bool:
+        commanded = self._status == STATUS_READY and self._int("SPH_CMD") == CMD_RUN
+        return commanded and self._wrist() != WRIST_OFF
+
+    def _wrist(self) -> int:
+        if self._lines is None:
+            return WRIST_NONE
+        return WRIST_ON if self._lines.wrist_ok else WRIST_OFF
+
+    def _put_lines(self, passed: int) -> None:
+        if self._lines is None:
+            return
+        for _ in range(passed):
+            self._lines.toggle_knot()
+        self._lines.put_moving(self._arm.moving)
 
     def _session_taken(self) -> bool:
         """Take a new session, at standstill, on CMD_IDLE, and while the robot interpreter runs."""
@@ -142,6 +175,8 @@ class Program:
             self._status = STATUS_ENDED
         elif panel.stop_message or not panel.drives or panel.mode != self._mode:
             self._end_by_fault(FAULT_CONTROLLER)
+        elif self._wrist() == WRIST_OFF:
+            self._end_by_fault(FAULT_WRIST)
         elif self._stopping or command == CMD_STOP:
             self._stop()
         elif silence_ms > LOST_MS:
@@ -216,6 +251,7 @@ class Program:
                 "SESSION": self._session,
                 "STATUS": self._status,
                 "FAULT": self._fault,
+                "WRIST": self._wrist(),
                 "RD": self._rd,
                 "DONE": self._done,
                 "BEAT": self._beat,

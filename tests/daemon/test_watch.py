@@ -14,23 +14,27 @@ from sphmctl.config import emulated_cell
 from sphmctl.daemon.watch import (
     CRANK_ERROR_CYCLES,
     MEASURED_TOLERANCE_RAD,
+    NO_OK_S,
     OFF_PLAN_RAD,
     STALL_S,
     Watch,
 )
 from sphmctl.drivers import krc_interface as krc
 from sphmctl.drivers import xl430
+from sphmctl.drivers.board import BoardState
 from sphmctl.drivers.kuka import ArmState
 from sphmctl.drivers.wrist import ServoState, WristState
+from sphmctl.wire import board_table as table
 
 HOME = np.radians([0.0, -90.0, 90.0, 0.0, 90.0, 0.0])
 CRANKS = np.radians([60.0, 60.0, 60.0])
 
 GOOD = ArmState(
-    version=1,
+    version=krc.VERSION,
     session=5,
     status=krc.Status.RUNNING,
     fault=krc.Fault.NONE,
+    wrist=krc.Wrist.NONE,
     taken=3,
     passed=1,
     override_percent=100,
@@ -227,3 +231,53 @@ def test_going_backwards_is_no_progress() -> None:
         note(watch.progress(1.0 + 0.01 * (step % 2), 1000.0 + 0.1 * step, True))
     assert told[10] is None
     assert told[-1] is not None
+
+
+def _board(hindrances: int = 0, alert_id: int = 255) -> BoardState:
+    return BoardState(hindrances, alert_id, 0, 0, (), {}, 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("hindrances", "words"),
+    [
+        (table.HINDRANCES_STOP | table.HINDRANCES_NOT_ARMED, "emergency stop at the board was"),
+        (table.HINDRANCES_NOT_ARMED | table.HINDRANCES_SAFE_STATE, "no longer armed: it was reset"),
+        (table.HINDRANCES_SAFE_STATE | table.HINDRANCES_NOT_ASKED, "heard nothing for 200 ms"),
+        (table.HINDRANCES_SERVO | table.HINDRANCES_NOT_ASKED, "servo 2 report a hardware error"),
+        (table.HINDRANCES_NO_WATCHDOG, "took wrist ok away: no watchdog"),
+    ],
+)
+def test_a_board_that_took_wrist_ok_away_is_the_cause(hindrances: int, words: str) -> None:
+    state = dataclasses.replace(_wrist(_servo(), _servo(), _servo()), board=_board(hindrances, 2))
+    cause = _watch().wrist(state, CRANKS)
+    assert cause is not None
+    assert words in cause
+
+
+def test_a_board_that_gives_wrist_ok_is_no_cause() -> None:
+    state = dataclasses.replace(_wrist(_servo(), _servo(), _servo()), board=_board())
+    assert _watch().wrist(state, CRANKS) is None
+
+
+def test_a_board_silent_twice_is_named_before_its_servos() -> None:
+    watch = _watch()
+    for misses, cause in ((0, None), (1, None), (2, "the board was silent twice in a row")):
+        state = dataclasses.replace(_wrist(None, None, None), board_misses=misses)
+        assert watch.wrist(state, CRANKS) == cause
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        dataclasses.replace(GOOD, wrist=krc.Wrist.OFF),
+        dataclasses.replace(GOOD, status=krc.Status.FAULT, fault=krc.Fault.WRIST),
+    ],
+)
+def test_a_line_without_wrist_ok_is_the_cause_only_when_the_board_had_time_to_tell(
+    seen: ArmState,
+) -> None:
+    watch = _watch()
+    for late_s, words in ((0.0, None), (NO_OK_S, None), (NO_OK_S + 0.012, "no wrist ok")):
+        state = dataclasses.replace(seen, at_s=GOOD.at_s + late_s)
+        cause = watch.arm(state, 0.0)
+        assert (cause is None) if words is None else (words in str(cause))

@@ -83,8 +83,13 @@ def test_a_port_without_servos_names_port_and_servo() -> None:
     clock.run(main())
 
 
-def test_a_board_is_refused_until_there_is_a_driver_for_it() -> None:
+def test_only_a_cell_with_a_board_gets_a_board() -> None:
     cell = emulated_cell()
+    assert make_wrist(cell).board is None
     wrist = cell.wrist.model_copy(update={"board_id": 200})
-    with pytest.raises(DeviceError, match=r"board_id is 200, but .* set board_id to null"):
-        make_wrist(cell.model_copy(update={"wrist": wrist}))
+    assert make_wrist(cell.model_copy(update={"wrist": wrist})).board is not None
+
+
+def test_a_board_with_another_id_is_refused() -> None:
+    with pytest.raises(ValueError, match="7 should be 200, which is fixed in the board, or null"):
+        _cell(1, "/dev/null", board_id=7)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from sphmctl import clock, planner
+from sphmctl.cli.emulation import BoardKind, simulated_board, with_board
 from sphmctl.config import Cell, emulated_cell
 from sphmctl.daemon.record import Events
 from sphmctl.daemon.session import Outcome, Session
@@ -132,13 +133,18 @@ class Rig:
     """An emulated cell, its drivers and a session; made inside the running loop."""
 
     def __init__(
-        self, seed: int = 1, setup: Setup | None = None, options: Options | None = None
+        self,
+        seed: int = 1,
+        setup: Setup | None = None,
+        options: Options | None = None,
+        board: BoardKind = "none",
     ) -> None:
         self.loop = asyncio.get_running_loop()
-        self.emulated = EmulatedCell(seed, setup, options=options)
+        hardware = simulated_board("held") if board == "simulated" else None
+        self.emulated = EmulatedCell(seed, setup, options=options, board=hardware)
         self.kvp = Wire(self.emulated.kvp.attach)
-        self.bus = Wire(lambda end: self.emulated.bus.attach(end, 1_000_000))
-        self.cell: Cell = emulated_cell()
+        self.bus = Wire(lambda end: self.emulated.attach_wrist(end, 1_000_000))
+        self.cell: Cell = with_board(emulated_cell(), board)
         self.arm: KukaArm = make_arm(self.cell, self.kvp.open)
         self.wrist: Wrist = make_wrist(self.cell, self.bus.open)
         self.events = Events(None, self.loop.time)
@@ -282,12 +288,13 @@ def run(
     seed: int = 1,
     setup: Setup | None = None,
     options: Options | None = None,
+    board: BoardKind = "none",
 ) -> Ended:
     """Drive a path while `script` does something to the cell."""
 
     async def main() -> Ended:
         before = asyncio.all_tasks()
-        rig = Rig(seed, setup, options)
+        rig = Rig(seed, setup, options, board)
         task = None if script is None else asyncio.ensure_future(script(rig))
         try:
             outcome = await rig.play(plan_of(path))

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sphmctl.drivers.controller_clock import CYCLE_S, DRIFT, ControllerClock
+from sphmctl.drivers.device_clock import CRYSTAL_DRIFT, DeviceClock
+from sphmctl.drivers.krc_interface import CYCLE_S
 
 
 def _reply(
@@ -31,7 +32,7 @@ def test_the_bounds_contain_the_true_offset_for_any_phase(
     seed: int, offset_s: float, begin_s: float
 ) -> None:
     rng = random.Random(seed)
-    clock = ControllerClock()
+    clock = DeviceClock(CYCLE_S)
     now_s = begin_s
     for _ in range(60):
         stamp_s, sent_s, received_s = _reply(rng, now_s, offset_s)
@@ -46,7 +47,7 @@ def test_many_replies_leave_a_window_of_about_a_service_time() -> None:
     errors = []
     for seed in range(20):
         rng = random.Random(seed)
-        clock = ControllerClock()
+        clock = DeviceClock(CYCLE_S)
         now_s = 1000.0
         for _ in range(300):
             stamp_s, sent_s, received_s = _reply(rng, now_s, 123.4567)
@@ -60,7 +61,7 @@ def test_many_replies_leave_a_window_of_about_a_service_time() -> None:
 @pytest.mark.parametrize("ppm", [-150.0, 150.0])
 def test_a_drifting_crystal_stays_within_the_bounds(ppm: float) -> None:
     rng = random.Random(7)
-    clock = ControllerClock()
+    clock = DeviceClock(CYCLE_S)
     rate = 1.0 + ppm * 1e-6
     now_s = 1000.0
     for index in range(20_000):
@@ -69,13 +70,13 @@ def test_a_drifting_crystal_stays_within_the_bounds(ppm: float) -> None:
         if index > 100:
             assert abs(clock.host_s(stamp_s) - stamp_s / rate) < 0.006
         now_s = received_s + 0.01
-    assert DRIFT >= 150e-6
+    assert CRYSTAL_DRIFT >= 150e-6
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, -0.05, 0.05, 3600.0])
 def test_a_clock_that_was_set_is_learnt_anew(step_s: float) -> None:
     rng = random.Random(3)
-    clock = ControllerClock()
+    clock = DeviceClock(CYCLE_S)
     now_s = 1000.0
     offset_s = 5.0
     for index in range(200):
@@ -88,7 +89,7 @@ def test_a_clock_that_was_set_is_learnt_anew(step_s: float) -> None:
 
 
 def test_one_reply_is_enough_for_a_first_estimate() -> None:
-    clock = ControllerClock()
+    clock = DeviceClock(CYCLE_S)
     clock.update(60.0, 1000.0, 1000.004)
     # Between 1000.000 - 0.012 and 1000.004: the middle.
     assert clock.host_s(60.0) == pytest.approx(999.996)
