@@ -57,6 +57,11 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Char:
+    """CHAR: one character."""
+
+
+@dataclass(frozen=True)
 class Enum:
     """ENUM; values are kept without the `#`."""
 
@@ -74,13 +79,13 @@ class Struct:
 
 @dataclass(frozen=True)
 class Array:
-    """A one-dimensional array, counted from 1."""
+    """An array, counted from 1; of more dimensions, an array of arrays."""
 
     element: Type
     size: int
 
 
-Type: TypeAlias = Int | Real | Bool | Text | Enum | Struct | Array
+Type: TypeAlias = Int | Real | Bool | Char | Text | Enum | Struct | Array
 
 _FLOAT32 = struct.Struct("<f")
 
@@ -224,10 +229,11 @@ def _parse(kind: Type, tokens: _Tokens) -> Value:
         if member not in kind.members:
             raise RefusedError(f"#{member} is no {kind.name}")
         return member
-    if isinstance(kind, Text):
+    if isinstance(kind, Text | Char):
         word = tokens.take("text")[1:-1]
-        if len(word) > kind.size:
-            raise RefusedError(f"{len(word)} characters for CHAR[{kind.size}]")
+        size = kind.size if isinstance(kind, Text) else 1
+        if len(word) > size or (isinstance(kind, Char) and not word):
+            raise RefusedError(f"{len(word)} characters for CHAR[{size}]")
         return word
     if isinstance(kind, Struct):
         return _parse_struct(kind, tokens)
