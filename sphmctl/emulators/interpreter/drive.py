@@ -18,6 +18,9 @@ from sphmctl.emulators.motion.blocks import Block, MotionError, Trigger
 
 Joints = tuple[float, ...]
 
+STEP_MODES = ("MSTEP", "ISTEP")
+"""Program run modes without an advance run. That they stop after each block is not modelled."""
+
 STOP_ON_PATH = 2
 """Category of the stop that a run-time error makes: on the path, drives on."""
 
@@ -62,13 +65,16 @@ class Drive:
         self._prepare = trigger_value == "planning"
         self._planner = Planner(memory.get, lambda: arm.planned_end_deg)
         self._advance = memory.box("$ADVANCE")
+        self._mode = memory.box("$PRO_MODE1")
         self._tag = 0
         self._wishes: list[tuple[Wish, Frame]] = []
         self._armed: dict[int, tuple[Action, Frame, int]] = {}
 
     @property
     def advance(self) -> int:
-        """$ADVANCE."""
+        """$ADVANCE; 0 in the step modes (krl-extension, "$PRO_MODE")."""
+        if self._mode.value in STEP_MODES:
+            return 0
         value = self._advance.value
         return value if isinstance(value, int) else 0
 
@@ -87,7 +93,7 @@ class Drive:
         if self._advance.value is None:
             raise invalid("$ADVANCE")
         motion = self._planner.plan(order, self._arm.needs_bco)
-        blends = order.blends if self.advance > 0 else ()
+        blends = order.blends
         wishes, self._wishes = self._wishes, []
         triggers = tuple(self._trigger(wish, frame) for wish, frame in wishes)
         self._tag += 1

@@ -22,7 +22,7 @@ from sphmctl.emulators.interpreter.values import fully_set, is_set, real, whole
 from sphmctl.emulators.krl import nodes as n
 from sphmctl.emulators.krl.build import fail
 from sphmctl.emulators.krl.functions import FUNCTIONS
-from sphmctl.emulators.krl_text import Bool, Int, Real, Type
+from sphmctl.emulators.krl_text import Bool, Int, Real, Struct, Type
 from sphmctl.emulators.motion.figures import beyond
 from sphmctl.emulators.motion.frames import chained, frame_of, inverted, pose_of
 from sphmctl.emulators.motion.kinematics import axes_of, tool_centre
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from sphmctl.emulators.interpreter.compiler import Builder
 
 EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
+
+SPLINES = ("SVEL_JOINT", "SACC_JOINT", "SVEL_CP", "SACC_CP", "STOOL2", "SBASE")
+"""Behind WITH of a single spline motion; the others that KSS has are refused."""
 
 FAULTS = {"unreachable": 1, "limits": 2, "undefined": 3}
 """What FORWARD and INVERSE put into their error argument; 0 is success (numbers are a guess)."""
@@ -81,10 +84,6 @@ PURE = {
     "SQRT": Pure(lambda x: real(_root(x)), Real()),
     "B_NOT": Pure(lambda x: whole(~x), Int()),
     "INV_POS": Pure(_inverted, None),
-    "SVEL_JOINT": Pure(lambda x: x, None),
-    "SACC_JOINT": Pure(lambda x: x, None),
-    "STOOL2": Pure(lambda x: x, None),
-    "SBASE": Pure(lambda x: x, None),
 }
 
 WITH_MACHINE = ("CWRITE", "ERR_CLEAR", "ERR_RAISE", "FORWARD", "INVERSE", "ROB_STOP",
@@ -107,10 +106,16 @@ def compiled(builder: Builder, node: n.Call) -> Typed:
         return _special(builder, node)
     if node.name in texts.TEXTS:
         return texts.compiled(builder, node)
+    if node.name in SPLINES:
+        return _spline(builder, node)
     pure = PURE.get(node.name)
     if pure is None:
         raise fail(node.at, "call", f"{node.name} is not emulated")
     arguments = [builder.expressions.of(part) for part in given if part is not None]
+    wanted = Struct if node.name == "INV_POS" else Int | Real
+    if not all(part.kind is None or isinstance(part.kind, wanted) for part in arguments):
+        what = "frames" if node.name == "INV_POS" else "numbers"
+        raise fail(node.at, "type", f"{node.name} takes {what}")
     kind = pure.kind if pure.kind is not None else arguments[0].kind
     return Typed(_apply(pure.compute, [part.fn for part in arguments]), kind)
 
@@ -144,6 +149,43 @@ def _special(builder: Builder, node: n.Call) -> Typed:
         return Typed(lambda f: f.machine.clear_error(), None)
     stops = node.name == "ROB_STOP"
     return Typed(lambda f: f.machine.robot_stop(stops), Bool())
+
+
+def _spline(builder: Builder, node: n.Call) -> Typed:
+    """SVEL_JOINT and its kin, as the inline forms of KSS 8 use them (meanings are a guess).
+
+    A number is taken as it is, of a data set the part that fits; STOOL2 and SBASE look up the
+    frame of the number in an FDAT.
+    """
+    first = node.arguments[0]
+    if first is None:
+        raise fail(node.at, "arguments", f"{node.name} needs its first argument")
+    fn, names, name = builder.expressions.of(first).fn, builder.names, node.name
+
+    def give(f: Any) -> Any:
+        value = fn(f)
+        if name in ("STOOL2", "SBASE"):
+            return _numbered_frame(names, value, tool=name == "STOOL2")
+        if isinstance(value, dict):
+            value = value["ACC" if name.startswith("SACC") else "VEL"]
+        if name.endswith("JOINT"):
+            return value
+        most = _global(names, "$VEL_MA" if name == "SVEL_CP" else "$ACC_MA")
+        return dict(most) | {"CP": value}
+
+    return Typed(give, None)
+
+
+def _numbered_frame(names: Any, value: Any, tool: bool) -> Any:
+    number = value.get("TOOL_NO" if tool else "BASE_NO") if isinstance(value, dict) else None
+    if number is None:
+        raise invalid("the number of the tool" if tool else "the number of the base")
+    frames = _global(names, "TOOL_DATA" if tool else "BASE_DATA")
+    if number == 0:
+        return _global(names, "$NULLFRAME")
+    if not 1 <= number <= len(frames):
+        raise KrlFaultError(OUT_OF_RANGE, f"there is no frame {number}")
+    return frames[number - 1]
 
 
 def _raise(f: Any) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from sphmctl.emulators.interpreter.faults import KrlFaultError
 from sphmctl.emulators.interpreter.paths import NAME, Steps, box_at, steps_of, value_at
-from sphmctl.emulators.interpreter.values import Box, Cell, converter, fresh
+from sphmctl.emulators.interpreter.values import UNSET, Box, Cell, converter, fresh
 from sphmctl.emulators.krl import nodes as n
 from sphmctl.emulators.krl.build import fail
 from sphmctl.emulators.krl_text import (
@@ -218,7 +218,7 @@ class Memory:
         if found is None:
             return None
         variable, way = found
-        return render(way.kind, value_at(variable.box.value, way.steps))
+        return render(way.kind, value_at(variable.box.value, way.steps)).replace(UNSET, " ")
 
     def write_text(self, name: str, text: str) -> bool:
         """Set a variable or a part of it; False when that is refused, and nothing changed."""

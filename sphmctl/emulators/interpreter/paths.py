@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from sphmctl.emulators.interpreter.values import Box, Letter, Part
+from sphmctl.emulators.interpreter.values import UNSET, Box, Letter, Part
 from sphmctl.emulators.krl_text import Array, Char, Struct, Text, Type
 
 NAME = re.compile(r"\s*([A-Z_$][\w$]*)", re.IGNORECASE)
@@ -83,7 +83,8 @@ def value_at(value: Any, steps: tuple[str | int, ...]) -> Any:
     """The value at the end of a way; None where a holder was never set."""
     for step in steps:
         if isinstance(value, str):
-            value = value[int(step) : int(step) + 1] or None
+            letter = value[int(step) : int(step) + 1]
+            value = None if letter in ("", UNSET) else letter
         elif value is not None:
             value = value[step]
     return value

@@ -185,6 +185,9 @@ class Interpreters:
         """
         if self.state not in ("P_RESET", "P_STOP") or not self._system.could_start():
             return False
+        if self.state == "P_RESET" and self._mover.moving:
+            # The program before has left it in motion; it can be planned from where it stands.
+            return False
         self._robot.state = "P_ACTIVE"
         self._robot.cycle()
         if self.state != "P_ACTIVE":

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from sphmctl.emulators.interpreter.drive import Arm
 from sphmctl.emulators.interpreter.functions import axes_value, joints_of, point_value
 from sphmctl.emulators.interpreter.memory import Memory
-from sphmctl.emulators.interpreter.operators import place_of
+from sphmctl.emulators.interpreter.operators import PLACE_PARTS, place_of
 from sphmctl.emulators.interpreter.panel import Panel
 from sphmctl.emulators.interpreter.signals import Terminals
 from sphmctl.emulators.interpreter.values import Live, is_set
@@ -31,6 +31,10 @@ EXTERNAL_SPEED_STEP_S = 1e-3
 
 MOTOR_TEMPERATURE_K = 310
 """A motor of an arm that has been on for a while; load and warming are not modelled."""
+
+VELOCITIES = ("vel_cp_m_s", "vel_ori1_deg_s", "vel_ori2_deg_s")
+ACCELERATIONS = ("acc_cp_m_s2", "acc_ori1_deg_s2", "acc_ori2_deg_s2")
+"""Fields of `motion.PathSpeed`, in the order of KRL's CP."""
 
 Joints = tuple[float, ...]
 
@@ -148,6 +152,36 @@ class System:
         self._look("$VEL_AXIS_ACT", self._axis_speeds)
         self._look("$VEL_ACT", self._tool_speed_m_s)
         self._look("$MOVE_BCO", lambda: mover.needs_bco)
+        self._look("$TOOL_C", lambda: self._frame_of_block("tool"))
+        self._look("$BASE_C", lambda: self._frame_of_block("base"))
+        self._look("$VEL_C", lambda: self._speed_of_block(VELOCITIES))
+        self._look("$ACC_C", lambda: self._speed_of_block(ACCELERATIONS))
+        self._look("$APO_C", self._apo_of_block)
+
+    # The main run's copies of what was valid as its block was planned.
+
+    def _block(self) -> Any:
+        running = self._mover.running
+        return None if running is None else running.block
+
+    def _frame_of_block(self, which: str) -> Any:
+        frame = getattr(getattr(self._block(), "motion", None), which, None)
+        return None if frame is None else dict(zip(PLACE_PARTS, frame, strict=True))
+
+    def _speed_of_block(self, names: tuple[str, ...]) -> Any:
+        speed = getattr(getattr(self._block(), "motion", None), "speed", None)
+        if speed is None:
+            return None
+        values = (getattr(speed, name) for name in names)
+        return dict(zip(("CP", "ORI1", "ORI2"), values, strict=True))
+
+    def _apo_of_block(self) -> Any:
+        block = self._block()
+        if block is None:
+            return None
+        apo = block.apo
+        values = (apo.cptp_percent, apo.cdis_mm, apo.cori_deg, apo.cvel_percent)
+        return dict(zip(("CPTP", "CDIS", "CORI", "CVEL"), values, strict=True))
 
     def _end(self, which: str) -> Any:
         running = self._mover.running

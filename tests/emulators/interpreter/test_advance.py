@@ -23,12 +23,8 @@ def six(words: str = "") -> str:
     return "".join(f"P.A1={10 * k}\nPTP P {words}\nX={k}\n" for k in range(1, 7))
 
 
-def planned(rig: Rig) -> int:
-    """Blocks that are planned and not finished, once the advance run rests."""
-    rig.until(lambda: rig.mover.moving)
-    rig.until(lambda: rig.get("X") > 0)
-    rig.cycles(2)
-    return rig.mover.queued + (rig.mover.running is not None)
+def until_x(rig: Rig) -> None:
+    rig.until(lambda: rig.get("X") == 1)
 
 
 # 2.1 Pointers
@@ -159,7 +155,7 @@ def test_the_end_of_a_routine_with_an_interrupt_of_its_own_waits() -> None:
         rig = Rig(program(f"{INI}F()\nX=1", *body), config(POINTS))
         rig.krc.select("T")
         rig.krc.start()
-        rig.until(lambda rig=rig: rig.get("X") == 1)
+        until_x(rig)
         assert rig.mover.joints_deg[0] == pytest.approx(place, abs=0.5)
 
 
@@ -260,3 +256,42 @@ def test_single_spline_motions_run_with_their_own_speeds() -> None:
     assert rig.get("$VEL_AXIS")[0] == 100.0
     rig.until(lambda: rig.mover.joints_deg[0] > 5.0)
     assert rig.mover.speed_deg_s[0] == pytest.approx(36.0, abs=1.0)
+
+
+def test_step_modes_have_no_advance_run() -> None:
+    """[C] #MSTEP and #ISTEP."""
+    rig = begun(six("C_PTP"))
+    assert rig.memory.write_text("$PRO_MODE1", "#MSTEP")
+    rig.until(lambda: rig.mover.joints_deg[0] > 42.0)
+    assert rig.mover.queued == 0
+
+
+def test_the_main_run_has_copies_of_what_was_valid_as_its_block_was_planned() -> None:
+    """[C] $TOOL_C, $APO_C, ..."""
+    rig = begun("$TOOL={X 0,Y 0,Z 90,A 0,B 0,C 0}\n$APO.CPTP=20\nPTP P\n$TOOL.Z=1\n$APO.CPTP=50")
+    rig.until(lambda: rig.mover.joints_deg[0] > 1.0)
+    assert (rig.text("$TOOL_C.Z"), rig.text("$TOOL.Z")) == ("90.0000", "1.00000")
+    assert (rig.text("$APO_C.CPTP"), rig.text("$APO.CPTP")) == ("20.0000", "50.0000")
+
+
+def test_a_trigger_on_a_path_fires_before_the_end() -> None:
+    """[C] forms, [M]: PATH for LIN, in mm from its end."""
+    body = """PTP_REL {A5 -90}
+Q=$POS_ACT
+TRIGGER WHEN PATH=-20 DELAY=0 DO X=1
+LIN_REL {Z 50}"""
+    rig = begun(body, f"{POINTS}\nE6POS Q")
+    rig.until(lambda: rig.get("X") == 1)
+    gone = rig.get("$POS_ACT")["Z"] - rig.get("Q")["Z"]
+    assert gone == pytest.approx(30, abs=2.0)
+
+
+def test_a_program_starts_only_where_the_arm_stands() -> None:
+    """[I] it brakes after a reset, and the new plan begins at its rest."""
+    rig = begun("PTP P")
+    rig.until(lambda: rig.mover.joints_deg[0] > 3.0)
+    rig.krc.reset()
+    assert not rig.krc.start()
+    rig.until(lambda: not rig.mover.moving)
+    assert rig.krc.start()
+    rig.until(lambda: rig.krc.state == "P_END")

@@ -27,6 +27,10 @@ def begun(
     return rig
 
 
+def until_x(rig: Rig) -> None:
+    rig.until(lambda: rig.get("X") == 1)
+
+
 def put(rig: Rig, name: str, text: str) -> None:
     assert rig.memory.write_text(name, text)
 
@@ -134,7 +138,7 @@ def test_a_disabled_interrupt_keeps_its_event_and_one_that_is_off_does_not() -> 
             f"WAIT FOR GO\nINTERRUPT {back} 20\nWAIT SEC 1"
         )
         rig = begun(body)
-        rig.until(lambda rig=rig: rig.get("X") == 1)
+        until_x(rig)
         put(rig, "C", "TRUE")
         rig.cycles(3)
         assert rig.get("N") == 0
@@ -178,7 +182,7 @@ def test_an_interrupt_ends_with_its_routine_unless_it_is_global() -> None:
             "DEF F()", f"{word}INTERRUPT DECL 20 WHEN C DO N=N+1", "INTERRUPT ON 20", "END",
         )  # fmt: skip
         rig = begun("F()\nX=1\nWAIT FOR GO", *more)
-        rig.until(lambda rig=rig: rig.get("X") == 1)
+        until_x(rig)
         put(rig, "C", "TRUE")
         rig.cycles(3)
         assert rig.get("N") == count
@@ -249,7 +253,7 @@ def test_brake_f_stops_sooner_than_brake() -> None:
         rig = begun(f"{GUARDED}PTP P", "DEF PAUSE()", f"BRAKE{word}", "X=1", "HALT", "END")
         moving(rig)
         put(rig, "HOLD", "TRUE")
-        rig.until(lambda rig=rig: rig.get("X") == 1)
+        until_x(rig)
         ways.append(rig.mover.joints_deg[0])
     assert ways[1] < ways[0]
 
@@ -374,7 +378,13 @@ WAIT FOR GO"""
     rig = begun(body, "DEF F()", "Y=1", "$TIMER_STOP[1]=TRUE", "END")
     rig.until(lambda: rig.get("X") == 1)
     assert rig.until(lambda: rig.get("Y") == 1) == pytest.approx(0.2, abs=0.02)
+    put(rig, "$TIMER_STOP[1]", "FALSE")
+    rig.go(0.1)
+    put(rig, "$TIMER[1]", "1000")
+    rig.go(0.1)
+    put(rig, "$TIMER_STOP[1]", "TRUE")
     at = rig.text("$TIMER[1]")
+    assert at == "1100"
     rig.go(0.1)
     assert rig.text("$TIMER[1]") == at
 
