@@ -295,3 +295,13 @@ def test_a_program_starts_only_where_the_arm_stands() -> None:
     rig.until(lambda: not rig.mover.moving)
     assert rig.krc.start()
     rig.until(lambda: rig.krc.state == "P_END")
+
+
+@pytest.mark.parametrize(("live", "place"), [(True, 10.0), (False, 0.0)])
+def test_declaring_a_live_interrupt_anew_stops_the_advance_run(live: bool, place: float) -> None:
+    """[M] only while it is on."""
+    declare = "GLOBAL INTERRUPT DECL 20 WHEN GO DO Y=1\n"
+    on = "INTERRUPT ON 20\n" if live else ""
+    rig = begun(f"{declare}{on}PTP P\n{declare}X=1\nWAIT FOR GO")
+    until_x(rig)
+    assert rig.mover.joints_deg[0] == pytest.approx(place, abs=0.5)

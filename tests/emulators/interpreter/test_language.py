@@ -476,3 +476,18 @@ def test_what_is_not_emulated_is_refused_with_file_and_line() -> None:
     """Never skipped."""
     with pytest.raises(KrlError, match=r"t\.src:2: .*SREAD is not emulated"):
         Rig(program('SREAD("1",ST,X)'), config("DECL STATE_T ST\nINT X"))
+
+
+def test_on_error_proceed_spares_a_line_once() -> None:
+    """[C] the next time the line comes, it stops the program."""
+    body = """AGAIN:
+I=I+1
+IF I==1 THEN
+ON_ERROR_PROCEED
+ENDIF
+X=U
+IF I<3 THEN
+GOTO AGAIN
+ENDIF"""
+    rig = Rig(program(body), config("INT X\nINT U\nINT I=0")).run()
+    assert (rig.krc.state, rig.get("I")) == ("P_STOP", 2)
