@@ -274,6 +274,10 @@ class System:
         for name, number in (numbers | {"$KR_SERIALNO": panel.serial_number}).items():
             put(name, number)
         put("$MOT_TEMP", [MOTOR_TEMPERATURE_K] * AXES)
+        self._set_states()
+
+    def _set_states(self) -> None:
+        put = self._memory.put
         for name in ("$CURR_ACT", "$TORQUE_AXIS_ACT", "$TORQ_DIFF"):
             put(name, [0.0] * AXES)
         for name in ("$PRO_MODE", "$PRO_MODE0", "$PRO_MODE1"):

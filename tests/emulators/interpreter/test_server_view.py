@@ -41,7 +41,8 @@ def test_a_refused_write_changes_nothing() -> None:
     store = memory()
     for name, text in (
         ("K", "5"), ("R", "TRUE"), ("B", "1"), ("L[4].N", "1"), ("L[1].NO", "1"), ("A[1]", "1"),
-        ("A[3,1]", "1"), ("A[0,1]", "1"), ("T[1,0]", "1"), ("L[0].N", "1"), ("L", "{N 1}"), ("NOBODY", "1"), ("T[1,]", '"toolong"'), ("", ""),
+        ("A[3,1]", "1"), ("A[0,1]", "1"), ("T[1,0]", "1"), ("L[0].N", "1"),
+        ("L", "{N 1}"), ("NOBODY", "1"), ("T[1,]", '"toolong"'), ("", ""),
     ):  # fmt: skip
         before = store.read_text(name)
         assert not store.write_text(name, text), name
