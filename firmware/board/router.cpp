@@ -218,7 +218,7 @@ static void dispatch() {
 
 static void start_next() {
     if (hold_due) {
-        if (bus_hearing()) return;
+        if (driving || bus_hearing()) return;
         hold_due = false;
         expected = 0;
         bus_send(HOLD, HOLD + sizeof HOLD);

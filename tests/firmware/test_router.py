@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from sphmctl.wire import dxl
@@ -256,3 +258,28 @@ def test_in_the_safe_state_a_goal_for_several_servos_is_dropped_in_silence(
 def test_in_the_safe_state_everything_else_passes(rig: Rig, frame: bytes) -> None:
     assert bytes(rig.send(frame, 3500).bus) == frame
     assert rig.table(REFUSED, 2) == 0
+
+
+def keep_waiting(free: Rig, sizes: list[int]) -> None:
+    """Frames of these sizes that nobody answers, so that some wait in the store at any time."""
+    sent, seen = bytearray(), bytearray()
+    for number, size in enumerate(sizes):
+        frame = instruction(1, WRITE, b"\x14\0" + bytes(i % 250 for i in range(size - 12)))
+        assert len(frame) == size
+        sent += frame
+        # Each keeps the board for 3 ms and its own length.
+        seen += free.send(frame, 0.0 if number < 4 else 1680.0).bus
+    seen += free.run(40_000).bus
+    assert bytes(seen) == bytes(sent)
+    assert free.table(HOST_OVERRUNS, 2) == 0
+
+
+def test_frames_that_wait_go_out_in_order_round_and_round_the_store(free: Rig) -> None:
+    rng = random.Random(1)
+    keep_waiting(free, [rng.randrange(100, 400) for _ in range(150)])
+
+
+def test_where_frames_once_turned_to_the_begin_of_the_store_is_forgotten(free: Rig) -> None:
+    # A frame takes a byte more than its length of 2048: 20 of 99 end at 2000, where the next turns.
+    keep_waiting(free, [99] * 30)
+    keep_waiting(free, [99] * 20 + [47])
