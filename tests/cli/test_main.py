@@ -14,7 +14,7 @@ import pytest
 from sphmctl.cli.main import app
 from tests.cli.rig import OCTAGON, REPOSITORY, Sphmctl
 
-COMMANDS = ("fk", "ik", "check", "plan", "run", "emulate", "doctor", "status")
+COMMANDS = ("fk", "ik", "check", "plan", "run", "emulate", "doctor", "status", "commission")
 # Not pydantic, which typer imports by itself from 0.29 on.
 HEAVY = ("numpy", "sphmctl.config", "yaml", "serial", "dynamixel_sdk", "structlog", "click")
 
