@@ -22,6 +22,29 @@ TABLE_END = "<!-- end of table -->\n"
 C_TYPES = {1: "uint8_t", 2: "uint16_t", 4: "uint32_t"}
 FULL_OF = {1: 0xFF, 2: 0xFFFF, 4: 0xFFFFFFFF}
 
+MODULE_HEAD = '''\
+"""Control table of the board. Written by tools/make_board_table.py; do not edit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One item; writable when `access` is RW, in units of `unit`."""
+
+    address: int
+    size: int
+    name: str
+    access: str
+    default: int
+    minimum: int
+    maximum: int
+    unit: str
+'''
+
 
 @dataclass(frozen=True)
 class Item:
@@ -151,7 +174,13 @@ def header_text(table: Table) -> str:
         for bit, (name, _) in enumerate(item.bits)
         if name
     ]
-    lines += ["", "struct __attribute__((packed)) BoardTable {"]
+    lines += ["", *_structure_lines(table), "", *_default_lines(table), "", *_access_lines(table)]
+    return "\n".join([*lines, "", "#endif", ""])
+
+
+def _structure_lines(table: Table) -> list[str]:
+    """The table as a packed structure, and that the compiler lays it out so."""
+    lines = ["struct __attribute__((packed)) BoardTable {"]
     end = 0
     for item in table.items:
         if item.address > end:
@@ -163,17 +192,21 @@ def header_text(table: Table) -> str:
         f'static_assert(offsetof(BoardTable, {i.name.lower()}) == {i.address}, "{i.name}");'
         for i in table.items
     ]
-    lines += [
-        'static_assert(sizeof(BoardTable) == TABLE_SIZE, "table");',
-        "",
-        "// Items that do not start at 0.",
-        "inline void table_defaults(BoardTable& table) {",
-    ]
-    lines += [
+    return [*lines, 'static_assert(sizeof(BoardTable) == TABLE_SIZE, "table");']
+
+
+def _default_lines(table: Table) -> list[str]:
+    """What the table holds after a reset."""
+    lines = [
         f"    table.{item.name.lower()} = {item.default};" for item in table.items if item.default
     ]
-    lines += ["    table.protocol_version = BOARD_PROTOCOL;", "}", ""]
-    return "\n".join([*lines, *_access_lines(table), "", "#endif", ""])
+    return [
+        "// Items that do not start at 0.",
+        "inline void table_defaults(BoardTable& table) {",
+        *lines,
+        "    table.protocol_version = BOARD_PROTOCOL;",
+        "}",
+    ]
 
 
 def _access_lines(table: Table) -> list[str]:
@@ -212,27 +245,7 @@ def _access_lines(table: Table) -> list[str]:
 def module_text(table: Table) -> str:
     """The Python module: each item a constant, bits as masks."""
     lines = [
-        '"""Control table of the board. Written by tools/make_board_table.py; do not edit."""',
-        "",
-        "from __future__ import annotations",
-        "",
-        "from dataclasses import dataclass",
-        "from typing import Final",
-        "",
-        "",
-        "@dataclass(frozen=True, slots=True)",
-        "class Item:",
-        '    """One item; writable when `access` is RW, in units of `unit`."""',
-        "",
-        "    address: int",
-        "    size: int",
-        "    name: str",
-        "    access: str",
-        "    default: int",
-        "    minimum: int",
-        "    maximum: int",
-        "    unit: str",
-        "",
+        MODULE_HEAD,
         "",
         f"BOARD_ID: Final = {table.board_id}",
         f"BOARD_MODEL: Final = {table.model}",

@@ -32,7 +32,7 @@ static uint8_t* const STORE_BACK = store + STORE_SIZE;
 static uint8_t frames;
 static uint8_t* oldest;
 static uint8_t* newest_end;
-static uint8_t* turn;  // where the frames before those at the beginning end
+static uint8_t* turn;  // where the frames before those at the beginning end; null when none lie there
 
 // The frame that comes at present.
 static uint8_t* coming;
@@ -52,6 +52,7 @@ void host_start() {
     host_parser.at = AT_START;
     got_end = got_parsed = 0;
     frames = 0;
+    turn = nullptr;
     got_seen = 0;
     replying = false;
     active_us = 0;
@@ -221,7 +222,10 @@ const uint8_t* host_frame() { return frames == 0 ? nullptr : oldest; }
 
 void host_release() {
     oldest += stored_length(oldest) + STORED_INSTRUCTION;
-    if (oldest == turn) oldest = store;
+    if (oldest == turn) {
+        oldest = store;
+        turn = nullptr;
+    }
     --frames;
 }
 

@@ -23,6 +23,9 @@ static const uint16_t LAST_BYTES_TICKS = 350 * TICKS_PER_US;
 // Bytes collected in one step.
 static const uint8_t BYTES_A_STEP = 4;
 
+// A servo that goes on talking does not keep a Reboot waiting for longer.
+static const uint16_t RESET_TICKS = 20000u * TICKS_PER_US;
+
 // Unit of Return Delay Time (e-manual, XL430-W250).
 static const uint8_t DELAY_TICKS = 2 * TICKS_PER_US;
 
@@ -44,6 +47,7 @@ static bool until_quiet;  // statuses of unknown number: a broadcast Ping
 static uint8_t expected;  // statuses to the frame on the bus
 static uint8_t came;  // of these; may be known before they are expected
 static uint16_t began;
+static uint16_t reset_asked;
 static Request request;
 static Collector collector;
 static Answer answer;
@@ -72,8 +76,12 @@ void router_status(uint8_t id, uint8_t error) {
     if (!(error & ALERT) || (table.faults & FAULTS_SERVO)) return;
     table.faults |= FAULTS_SERVO;
     table.alert_id = id;
-    table.outputs = 0;
-    lines_output();
+    table.outputs = 0;  // wrist ok follows with the next lines_output
+}
+
+static void begin_reset() {
+    state = RESETTING;
+    began = reset_asked = hal_ticks();
 }
 
 static void finish() {
@@ -103,6 +111,7 @@ static void take_for_board() {
 // A goal while in the safe state: answered as a servo whose Bus Watchdog has tripped would, with error 4.
 static void refuse(uint8_t id) {
     ++table.refused_frames;
+    sent = false;
     if (id == BROADCAST_ID) {
         finish();
         return;
@@ -218,9 +227,10 @@ static void dispatch() {
 
 static void start_next() {
     if (hold_due) {
-        if (bus_hearing()) return;
+        if (driving || bus_hearing()) return;
         hold_due = false;
         expected = 0;
+        idle = false;
         bus_send(HOLD, HOLD + sizeof HOLD);
         state = HOLDING;
     } else if (host_frame() != nullptr) {
@@ -262,7 +272,7 @@ static void execute() {
     if (answer.wanted) {
         state = ANSWERING;
     } else if (answer.reboot) {
-        state = RESETTING;
+        begin_reset();
     } else {
         finish();
     }
@@ -306,7 +316,7 @@ static void send_answer() {
     if (bus_parser.at != AT_START || bus_hearing() || !host_idle()) return;
     reply_end();
     if (answer.reboot) {
-        state = RESETTING;
+        begin_reset();
     } else {
         finish();
     }
@@ -315,8 +325,10 @@ static void send_answer() {
 static void reset() {
     table.arm = 0;
     lines_output();
-    if (!host_idle()) began = hal_ticks();
-    if (static_cast<uint16_t>(hal_ticks() - began) >= LAST_BYTES_TICKS) hal_reset();
+    const uint16_t now = hal_ticks();
+    if (!host_idle()) began = now;
+    const bool done = static_cast<uint16_t>(now - began) >= LAST_BYTES_TICKS;
+    if (done || static_cast<uint16_t>(now - reset_asked) >= RESET_TICKS) hal_reset();
 }
 
 void router_step() {

@@ -60,25 +60,12 @@ def build(out: Path, folder: Path = FIRMWARE) -> Image:
         InvalidError: no checkout, no compiler (naming the packages), or it does not compile.
     """
     recipe = recipe_of(folder)
-    if any(shutil.which(tool) is None for tool in TOOLS):
-        missing = ", ".join(tool for tool in TOOLS if shutil.which(tool) is None)
-        raise InvalidError(
-            f"{missing} not found; install it: sudo apt install {' '.join(recipe.packages)}",
-            "firmware build",
-        )
+    _require_tools(recipe)
     try:
         build_hash = recipe.build_hash(folder)
     except OSError as error:
         raise InvalidError(f"a source is missing: {error}", str(folder)) from error
-    with tempfile.TemporaryDirectory() as scratch:
-        elf, fresh = Path(scratch) / "board.elf", Path(scratch) / "board.hex"
-        defines = [f"-D{name}={value}" for name, value in recipe.defines.items()]
-        stamp = f"-DBOARD_BUILD_HASH=0x{build_hash:08x}UL"
-        options = [f"-mmcu={recipe.mcu}", *recipe.flags, *defines, stamp]
-        _run(["avr-g++", *options, "-x", "c++", *recipe.sources, "-o", str(elf)], folder)
-        _run(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", str(elf), str(fresh)], folder)
-        sizes = _sections(_run(["avr-size", "-A", str(elf)], folder))
-        _put(fresh, out)
+    sizes = _compile(recipe, build_hash, folder, out)
     image = Image(
         hex=out,
         sha256=sha256_of(out),
@@ -94,6 +81,30 @@ def build(out: Path, folder: Path = FIRMWARE) -> Image:
         )
     write_note(image)
     return image
+
+
+def _require_tools(recipe: Recipe) -> None:
+    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
+    if missing:
+        packages = " ".join(recipe.packages)
+        raise InvalidError(
+            f"{', '.join(missing)} not found; install it: sudo apt install {packages}",
+            "firmware build",
+        )
+
+
+def _compile(recipe: Recipe, build_hash: int, folder: Path, out: Path) -> dict[str, int]:
+    """Compile to `out`; sizes by section."""
+    defines = [f"-D{name}={value}" for name, value in recipe.defines.items()]
+    stamp = f"-DBOARD_BUILD_HASH=0x{build_hash:08x}UL"
+    options = [f"-mmcu={recipe.mcu}", *recipe.flags, *defines, stamp]
+    with tempfile.TemporaryDirectory() as scratch:
+        elf, fresh = Path(scratch) / "board.elf", Path(scratch) / "board.hex"
+        _run(["avr-g++", *options, "-x", "c++", *recipe.sources, "-o", str(elf)], folder)
+        _run(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", str(elf), str(fresh)], folder)
+        sizes = _sections(_run(["avr-size", "-A", str(elf)], folder))
+        _put(fresh, out)
+    return sizes
 
 
 def recipe_of(folder: Path) -> Recipe:

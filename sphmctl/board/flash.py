@@ -43,7 +43,8 @@ def flash(
 
     Raises:
         DeviceError: no board, no permission, port in use, another part, another rate, no answer,
-            avrdude missing or failing; within 10 s each.
+            avrdude missing: within 10 s. avrdude failing: within 5 s after it falls silent, and
+            in all within 6 s and 1 s for each kilobyte (`avrdude.run`).
     """
     began_s = time.monotonic()
     tell("looking for the board's bootloader")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,9 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
-from sphmctl.errors import InvalidError
+from sphmctl.errors import DeviceError, InvalidError
 
 if TYPE_CHECKING:
+    import asyncio
+
     from sphmctl.config import Cell
 
 CELL_VARIABLE = "SPHMCTL_CELL"
@@ -78,6 +81,30 @@ def finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [finite(item) for item in value]
     return value
+
+
+def until_told() -> tuple[asyncio.Future[None], Callable[[DeviceError], None]]:
+    """What a command that serves waits for: Ctrl-C, SIGTERM, or the loss of what it serves.
+
+    Returns:
+        The end to await, and what to call with a loss, which it then raises.
+    """
+    import asyncio
+
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[None] = loop.create_future()
+
+    def end() -> None:
+        if not done.done():
+            done.set_result(None)
+
+    def lose(error: DeviceError) -> None:
+        if not done.done():
+            done.set_exception(error)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, end)
+    return done, lose
 
 
 def numbers(text: str, count: int, option: str) -> list[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -28,12 +28,17 @@ BoardKind = Literal["none", "simulated"]
 
 @dataclass
 class Devices:
-    """The drivers of a cell, and what stands behind them where that is emulated."""
+    """The drivers of a cell, and what stands behind them where that is emulated.
+
+    Attributes:
+        losses: why a simulated board died; empty while it lives.
+    """
 
     arm: KukaArm
     wrist: Wrist
     emulated: EmulatedCell | None = None
     truth: EmulatedCell | None = None
+    losses: list[DeviceError] = field(default_factory=list)
 
     async def close(self) -> None:
         """End the emulation; the drivers are closed by whoever connected them."""
@@ -81,8 +86,17 @@ def with_board(cell: Cell, board: BoardKind) -> Cell:
     return cell.model_copy(update={"wrist": wrist})
 
 
-def simulated_board(mode: Mode, host_link: Path | None = None) -> Board:
+def simulated_board(
+    mode: Mode,
+    host_link: Path | None = None,
+    on_lost: Callable[[DeviceError], None] | None = None,
+) -> Board:
     """A simulated board that runs the shipped firmware.
+
+    Args:
+        mode: "held" or "paced".
+        host_link: symbolic link to its pseudo-terminal (paced).
+        on_lost: told when the simulator dies; else that is raised where it is noticed.
 
     Raises:
         DeviceError: the simulator, or what compiles it, is missing.
@@ -93,11 +107,17 @@ def simulated_board(mode: Mode, host_link: Path | None = None) -> Board:
     try:
         board = Board(options, mode)
     except BoardError as error:
-        raise DeviceError(str(error), "simulated board") from error
+        raise _device_error(error) from error
+    if on_lost is not None:
+        board.on.lost = lambda error: on_lost(_device_error(error))
     loop = asyncio.get_running_loop()
     if isinstance(loop, VirtualLoop):
         loop.accompany(board.ahead)
     return board
+
+
+def _device_error(error: BoardError) -> DeviceError:
+    return DeviceError(str(error), "simulated board")
 
 
 async def open_devices(
@@ -114,7 +134,9 @@ async def open_devices(
     if not devices:
         return Devices(make_arm(cell), make_wrist(cell))
     cell = with_board(cell, board)
-    hardware = simulated_board("held" if virtual else "paced") if board == "simulated" else None
+    losses: list[DeviceError] = []
+    mode: Mode = "held" if virtual else "paced"
+    hardware = simulated_board(mode, on_lost=losses.append) if board == "simulated" else None
     emulated = EmulatedCell(seed, setup_of(cell), latency=latency, truth=sink, board=hardware)
     if virtual:
         arm = make_arm(cell, _memory(emulated.kvp.attach))
@@ -124,7 +146,7 @@ async def open_devices(
         served = with_endpoints(cell, port, device)
         arm, wrist = make_arm(served), make_wrist(served)
     truth = emulated if len(devices) == 2 else None
-    return Devices(arm, wrist, emulated, truth)
+    return Devices(arm, wrist, emulated, truth, losses)
 
 
 def with_endpoints(cell: Cell, kvp_port: int, wrist_port: str | Path) -> Cell:

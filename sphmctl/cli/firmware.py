@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sphmctl.cli.common import JsonOption, put, say
+from sphmctl.cli.common import JsonOption, put, say, until_told
 from sphmctl.errors import DeviceError, InvalidError
 
 if TYPE_CHECKING:
@@ -205,24 +203,12 @@ async def _simulate(options: Options) -> None:
     from sphmctl.emulators.board_process import BoardError
     from sphmctl.emulators.lines import Lines, Wiring
 
-    loop = asyncio.get_running_loop()
-    done: asyncio.Future[None] = loop.create_future()
-
-    def end(error: BoardError | None = None) -> None:
-        if done.done():
-            return
-        if error is None:
-            done.set_result(None)
-        else:
-            done.set_exception(DeviceError(str(error), "simulated board"))
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, end)
+    done, lose = until_told()
     try:
         board = Board(options, "paced")
     except BoardError as error:
         raise InvalidError(str(error), "simulated board") from error
-    board.on.lost = end
+    board.on.lost = lambda error: lose(DeviceError(str(error), "simulated board"))
     # The controller's end of the lines, at rest; then a power-up that has never seen them float.
     Wiring(Lines(), board, lambda: None)
     board.reset()

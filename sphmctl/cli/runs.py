@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sphmctl.cli.emulation import BoardKind
     from sphmctl.daemon.run import Job
 
+EXIT_DEVICE = 5
 EXIT_FAULT = 6
 EXIT_SIGNAL = {signal.SIGHUP: 129, signal.SIGINT: 130, signal.SIGTERM: 143}
 """128 and the signal's number: Ctrl-C, a request to end, and a terminal that went away."""
@@ -120,12 +121,18 @@ async def _run(
                 devices.truth,
             )
         except SphmctlError as error:
+            if devices.losses:
+                # What the drivers saw is only its consequence.
+                raise devices.losses[0] from error
             # Before any motion; a Ctrl-C while connecting or at the question leaves as a Ctrl-C.
             if received:
                 error.exit_code = EXIT_SIGNAL[signal.Signals(received[0])]
             raise
         finally:
             await devices.close()
+    if devices.losses:
+        say(f"sphmctl: {devices.losses[0]}; the record is in {summary['run_dir']}")
+        return summary, EXIT_DEVICE
     code = 0 if summary["outcome"] == "completed" else EXIT_FAULT
     if summary["outcome"] == "stopped" and received:
         code = EXIT_SIGNAL[signal.Signals(received[0])]

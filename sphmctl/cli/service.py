@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, say
+from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, say, until_told
 from sphmctl.errors import DeviceError, InvalidError, UsageError
 
 if TYPE_CHECKING:
@@ -46,7 +45,8 @@ def emulate(
 ) -> int:
     """Serve the emulated cell to any client: KUKAVARPROXY on TCP, three XL430 on a serial port.
 
-    Prints one JSON line when ready, then serves until Ctrl-C or SIGTERM.
+    Prints one JSON line when ready, then serves until Ctrl-C or SIGTERM; a simulated board that
+    dies ends it too, with exit code 5.
 
     Example: sphmctl emulate --kvp-port 7000 --wrist-link /tmp/wrist
     """
@@ -72,17 +72,12 @@ async def _emulate(
     seed: int,
     truth: Path | None,
 ) -> None:
-    import asyncio
-
     from sphmctl import clock
     from sphmctl.cli.emulation import setup_of, simulated_board
     from sphmctl.daemon.record import TRUTH_COLUMNS, RowFile
     from sphmctl.emulators.cell import EmulatedCell
 
-    loop = asyncio.get_running_loop()
-    done = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, done.set)
+    done, lose = until_told()
     try:
         rows = None if truth is None else RowFile(truth, TRUTH_COLUMNS)
     except OSError as error:
@@ -92,13 +87,13 @@ async def _emulate(
         setup_of(cell),
         latency="none" if latency == "none" else "measured",
         truth=None if rows is None else lambda t_s, joints: rows.row([t_s, *joints]),
-        board=simulated_board("paced", wrist_link) if board == "simulated" else None,
+        board=simulated_board("paced", wrist_link, lose) if board == "simulated" else None,
     )
     try:
         ready = await _serve(emulated, kvp_port, wrist_link)
         print(json.dumps(ready), flush=True)
         with clock.urgent():
-            await done.wait()
+            await done
     finally:
         await emulated.close()
         if rows is not None:

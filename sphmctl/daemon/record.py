@@ -115,7 +115,7 @@ class Events:
 
     def add(self, name: str, **fields: Any) -> None:
         """Record that something happened."""
-        t_s = round(self._clock() - self._start_s, 6)
+        t_s = self.on_clock(self._clock())
         self.history.append((t_s, name, fields))
         if self._log is not None:
             try:
@@ -126,6 +126,10 @@ class Events:
                 self.add("events not recorded any more", message=error.strerror)
         if self._echo is not None:
             self._echo(name, fields)
+
+    def on_clock(self, at_s: float) -> float:
+        """An instant of the clock as `t_s` has it."""
+        return round(at_s - self._start_s, 6)
 
     def told(self, name: str, **fields: Any) -> bool:
         """Whether just this was recorded before."""

@@ -20,6 +20,7 @@ import numpy as np
 from sphmctl import clock, planner
 from sphmctl.config import Cell, dump
 from sphmctl.daemon import assess
+from sphmctl.daemon.board_report import KNOT_EDGE
 from sphmctl.daemon.record import (
     FEEDBACK_COLUMNS,
     Events,
@@ -188,14 +189,30 @@ def _conclude(
         true_rows = [(row[0] - found[0][0], *row[1:]) for row in found]
     true = np.array(true_rows) if true_rows else np.empty((0, 10))
     assessment = _Assessment(job, measured, true, outcome)
-    duration_s = outcome.end_s - outcome.begin_s if math.isfinite(outcome.begin_s) else 0.0
+    summary = _summary(job, folder, outcome, assessment)
+    try:
+        if true_rows:
+            write_truth(folder / "truth.csv", true_rows)
+        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+        report = _report(job, folder, outcome, rows, assessment, events)
+        write_report(folder / "report.html", report)
+    except OSError as error:
+        # The run is over and its figures are known: they must not be lost with the files.
+        problem = f"the record in {folder} is not complete: {error.strerror}; make room on the disk"
+        outcome.unconfirmed.append(problem)
+        events.add("record not complete", message=problem)
+    return summary
+
+
+def _summary(job: Job, folder: Path, outcome: Outcome, assessment: _Assessment) -> dict[str, Any]:
+    """What summary.json holds."""
     summary = assessment.summary() | {
         "outcome": outcome.outcome,
         "cause": outcome.cause,
         "unconfirmed": outcome.unconfirmed,
         "board": outcome.board,
         "run_dir": str(folder),
-        "duration_s": round(duration_s, 3),
+        "duration_s": round(_duration_s(outcome), 3),
         "planned_s": round(job.plan.duration_s, 3),
         "emulated": list(job.cell.emulated_devices),
         "clock": job.clock,
@@ -205,18 +222,12 @@ def _conclude(
         # The system's monotonic clock: an emulator in another process dates its truth by it.
         summary["begin_monotonic_s"] = outcome.begin_s if math.isfinite(outcome.begin_s) else None
         summary["end_monotonic_s"] = outcome.end_s if math.isfinite(outcome.end_s) else None
-    try:
-        if true_rows:
-            write_truth(folder / "truth.csv", true_rows)
-        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-        report = _report(job, folder, outcome, duration_s, rows, assessment, events)
-        write_report(folder / "report.html", report)
-    except OSError as error:
-        # The run is over and its figures are known: they must not be lost with the files.
-        problem = f"the record in {folder} is not complete: {error.strerror}; make room on the disk"
-        outcome.unconfirmed.append(problem)
-        events.add("record not complete", message=problem)
     return summary
+
+
+def _duration_s(outcome: Outcome) -> float:
+    """How long the plan's motion took; 0 when it never began."""
+    return outcome.end_s - outcome.begin_s if math.isfinite(outcome.begin_s) else 0.0
 
 
 class _Assessment:
@@ -261,7 +272,6 @@ def _report(
     job: Job,
     folder: Path,
     outcome: Outcome,
-    duration_s: float,
     rows: _Rows,
     assessment: _Assessment,
     events: Events,
@@ -276,7 +286,7 @@ def _report(
         outcome=outcome.outcome,
         cause=outcome.cause,
         emulated=bool(job.cell.emulated_devices),
-        duration_s=duration_s,
+        duration_s=_duration_s(outcome),
         planned_s=plan.duration_s,
         t_s=np.array(rows.t_s),
         required_deg=assess.required(plan, measured) if len(measured) else np.empty((0, 9)),
@@ -288,12 +298,20 @@ def _report(
         skew=assessment.skew,
         trace=assessment.trace,
         notes=plan.notes,
-        events=tuple(_event(*entry) for entry in events.history),
+        events=tuple(_event(*entry) for entry in events.history if entry[1] != KNOT_EDGE),
         files=tuple(sorted(item.name for item in folder.iterdir())),
     )
 
 
-BAD_EVENTS = {"fault", "wrist lost", "board lost", "standstill not seen", "disarm", "faulted"}
+BAD_EVENTS = {
+    "fault",
+    "wrist lost",
+    "board lost",
+    "board reset",
+    "standstill not seen",
+    "disarm",
+    "faulted",
+}
 
 
 def _event(t_s: float, name: str, fields: dict[str, Any]) -> Event:

@@ -16,7 +16,7 @@ import numpy as np
 
 from sphmctl import planner
 from sphmctl.config import Cell
-from sphmctl.daemon.board_report import board_begins, board_ends
+from sphmctl.daemon.board_report import board_begins
 from sphmctl.daemon.examine_arm import examine_arm
 from sphmctl.daemon.follow import Lead
 from sphmctl.daemon.record import Events
@@ -180,12 +180,13 @@ class Session:
         ]
         first = plan if approach is None else approach
         await self._still_there(first)
-        board = await board_begins(self._wrist.board, self._events)
+        record = await board_begins(self._wrist.board, self._events)
         await self._wrist.arm(float(max(speeds)))
         self._events.add("armed")
-        loop = WristLoop(self._wrist, first.joints[0, 6:], self._events)
+        on_board = None if record is None else record.take
+        loop = WristLoop(self._wrist, first.joints[0, 6:], self._events, on_board)
         task = asyncio.create_task(loop.run(), name="wrist loop")
-        outcome = Outcome(board=board)
+        outcome = Outcome(board=None if record is None else record.report)
         lead = Lead()
         try:
             if approach is not None:
@@ -199,7 +200,8 @@ class Session:
             loop.end()
             await asyncio.gather(task, return_exceptions=True)
             await self._disarm(outcome)
-            await board_ends(self._wrist.board, outcome.board, self._events)
+            if record is not None:
+                await record.end()
         self._events.add(outcome.outcome, cause=outcome.cause, late_cycles=loop.late_cycles)
         return outcome
 

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Callable
 from typing import Protocol
 
 from sphmctl.daemon.record import Events
+from sphmctl.drivers.board import BoardState
 from sphmctl.drivers.wrist import Wrist, WristState
 from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats
@@ -46,11 +48,25 @@ class Hold:
 
 
 class WristLoop:
-    """Exchanges goals and feedback with the wrist at fixed instants, from arming to disarming."""
+    """Exchanges goals and feedback with the wrist at fixed instants, from arming to disarming.
 
-    def __init__(self, wrist: Wrist, cranks: Floats, events: Events) -> None:
+    Args:
+        wrist: armed.
+        cranks: where they are held at first, rad, shape (3,).
+        events: where to report.
+        on_board: given the newest state of the board, if there is one, once a cycle.
+    """
+
+    def __init__(
+        self,
+        wrist: Wrist,
+        cranks: Floats,
+        events: Events,
+        on_board: Callable[[BoardState], None] | None = None,
+    ) -> None:
         self._wrist = wrist
         self._events = events
+        self._on_board = on_board
         self._ending = False
         self.source: GoalSource = Hold(cranks)
         self.latest: WristState | None = None
@@ -91,5 +107,7 @@ class WristLoop:
             self.goal = self.source.goals(loop.time())
             self.latest = await self._wrist.exchange(self.goal)
             self.source.observe(self.latest)
+            if self._on_board is not None and self.latest.board is not None:
+                self._on_board(self.latest.board)
             due_s += CYCLE_S
             await asyncio.sleep(max(0.0, due_s - loop.time()))

@@ -17,14 +17,18 @@ from sphmctl.errors import DeviceError
 from sphmctl.wire import board_table as table
 from sphmctl.wire import dxl_instructions
 
-WATCHDOG_UNITS = 10
-"""Bus Watchdog, in 20 ms: 200 ms as the servos' own, so that a busy host trips neither."""
+WATCHDOG_UNITS = 25
+"""Bus Watchdog, in 20 ms: 500 ms as the servos' own, so that a stall of a busy host, 0.3 s seen,
+trips neither. The arm does not wait for it: the KRL program holds after 120 ms without a beat."""
 
 RESONATOR_DRIFT = 5e-3
 """An Arduino Mega's ATmega2560 runs on a ceramic resonator of 0.5 % (Arduino, Mega 2560 rev 3
 schematic: CSTCE16M0V53)."""
 
 CLOCK_SPAN_US = 1 << 32
+EDGE_SPAN = 1 << 16
+"""The board counts edges in 16 bits."""
+
 STAMPS = 4
 """The board keeps the times of so many edges of "knot"."""
 
@@ -68,14 +72,6 @@ class Identity:
 
 
 @dataclass(frozen=True)
-class Edge:
-    """An edge of the line "knot": its number since the board's reset, and the host's time of it."""
-
-    number: int
-    at_s: float
-
-
-@dataclass(frozen=True)
 class BoardState:
     """One read of the board.
 
@@ -83,18 +79,17 @@ class BoardState:
         hindrances: HINDRANCES_ bits: why "wrist ok" is off; 0 while it is on.
         alert_id: the servo that reported an error; 255 for none.
         inputs: debounced INPUTS_ bits.
-        knots: the newest edges of "knot", oldest first.
+        knot_edges: edges of "knot" since the board's reset, modulo `EDGE_SPAN`.
+        knot_stamps_us: the board's times of the newest ones, by number modulo `STAMPS`.
         counters: by name, as since the board's reset.
-        at_s: host time of the board's clock in this read.
     """
 
     hindrances: int
     alert_id: int
     inputs: int
     knot_edges: int
-    knots: tuple[Edge, ...]
+    knot_stamps_us: tuple[int, ...]
     counters: dict[str, int]
-    at_s: float
 
     @property
     def stop_pressed(self) -> bool:
@@ -105,6 +100,14 @@ class BoardState:
     def errors(self) -> dict[str, int]:
         """The counters that should all be 0."""
         return {name: self.counters[name] for name in map(counter_name, ERROR_COUNTERS)}
+
+    def edges_since(self, before: BoardState) -> int | None:
+        """How many edges of "knot" came since an earlier read; None: the board was reset."""
+        now, then = self.counters, before.counters
+        resets, uptime = counter_name(table.RESETS), counter_name(table.UPTIME)
+        if now[resets] != then[resets] or now[uptime] < then[uptime]:
+            return None
+        return (self.knot_edges - before.knot_edges) % EDGE_SPAN
 
     def trouble(self) -> str | None:
         """Why an armed board has taken "wrist ok" away, the most telling first."""
@@ -240,6 +243,17 @@ class Board:
         age_us = (self._clock_us - stamp_us) % CLOCK_SPAN_US
         return self._clock.host_s((self._clock_us - age_us) / 1e6)
 
+    def knots_s(self, state: BoardState, count: int) -> list[float]:
+        """Host times of the newest `count` edges of "knot", oldest first; at most `STAMPS`.
+
+        Args:
+            state: the newest read.
+            count: how many of them are asked for.
+        """
+        # The numbers' span is a multiple of STAMPS, so their wrap does not shift the places.
+        numbers = range(state.knot_edges - min(count, STAMPS) + 1, state.knot_edges + 1)
+        return [self.host_s(state.knot_stamps_us[number % STAMPS]) for number in numbers]
+
     @property
     def clock_window_s(self) -> float:
         """How exactly both clocks are known to belong together, s."""
@@ -250,19 +264,13 @@ class Board:
         # Unwrapped; after a reset it seems to have gone far ahead, and the offset begins anew.
         self._clock_us += (clock_us - self._clock_us) % CLOCK_SPAN_US
         self._clock.update(self._clock_us / 1e6, sent_s, received_s)
-        edges = values[table.KNOT_EDGES.name]
-        knots = tuple(
-            Edge(number, self.host_s(values[f"KNOT_STAMP_{number % STAMPS}"]))
-            for number in range(max(1, edges - STAMPS + 1), edges + 1)
-        )
         return BoardState(
             hindrances=values[table.HINDRANCES.name],
             alert_id=values[table.ALERT_ID.name],
             inputs=values[table.INPUTS.name],
-            knot_edges=edges,
-            knots=knots,
+            knot_edges=values[table.KNOT_EDGES.name],
+            knot_stamps_us=tuple(values[f"KNOT_STAMP_{place}"] for place in range(STAMPS)),
             counters={counter_name(item): values[item.name] for item in COUNTERS},
-            at_s=self.host_s(clock_us),
         )
 
     async def _examine_firmware(self, name: str) -> list[Finding]:

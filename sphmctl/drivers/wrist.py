@@ -12,6 +12,7 @@ import asyncio
 import math
 import struct
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -319,46 +320,32 @@ class Wrist:
         offset = await number(xl430.HOMING_OFFSET, "<i")
         level = await number(xl430.STATUS_RETURN_LEVEL, "<B")
         errors = await number(xl430.HARDWARE_ERROR, "<B")
-        high, low = struct.unpack("<ii", await self._bus.read(servo_id, xl430.MAX_POSITION, 8))
-        need_low, need_high = self._needed_ticks(leg)
+        check = partial(_finding, name)
+        at_once, all_told = delay <= MAX_RETURN_DELAY_UNITS, level == xl430.STATUS_ALL
+        by_position = mode == xl430.POSITION_MODE
+        most = f"set it to 0, at most {MAX_RETURN_DELAY_UNITS}"
+        told = "set it to 2, or power the servo off and on"
         return [
-            _finding(
-                name,
-                "Return Delay Time (9)",
-                delay,
-                delay <= MAX_RETURN_DELAY_UNITS,
-                f"set it to 0, at most {MAX_RETURN_DELAY_UNITS}",
-            ),
-            _finding(name, "Drive Mode (10)", drive, drive == 0, "set it to 0"),
-            _finding(
-                name,
-                "Operating Mode (11)",
-                mode,
-                mode == xl430.POSITION_MODE,
-                "set it to 3, position control",
-            ),
-            _finding(name, "Homing Offset (20)", offset, offset == 0, "set it to 0"),
-            _finding(
-                name,
-                "Position Limits (52, 48)",
-                f"{low} to {high}",
-                low <= need_low and need_high <= high,
-                f"they must include {need_low} to {need_high}",
-            ),
-            _finding(
-                name,
-                "Status Return Level (68)",
-                level,
-                level == xl430.STATUS_ALL,
-                "set it to 2, or power the servo off and on",
-            ),
-            Finding(
-                f"{name}, Hardware Error Status (70)",
-                errors == 0,
-                "none" if errors == 0 else xl430.hardware_error_text(errors),
-                "" if errors == 0 else "remove the cause, then reboot the servo",
-            ),
+            check("Return Delay Time (9)", delay, at_once, most),
+            check("Drive Mode (10)", drive, drive == 0, "set it to 0"),
+            check("Operating Mode (11)", mode, by_position, "set it to 3, position control"),
+            check("Homing Offset (20)", offset, offset == 0, "set it to 0"),
+            await self._examine_limits(leg, servo_id, name),
+            check("Status Return Level (68)", level, all_told, told),
+            _hardware_finding(name, errors),
         ]
+
+    async def _examine_limits(self, leg: int, servo_id: int, name: str) -> Finding:
+        limits = await self._bus.read(servo_id, xl430.MAX_POSITION, 8)
+        high, low = struct.unpack("<ii", limits)
+        need_low, need_high = self._needed_ticks(leg)
+        return _finding(
+            name,
+            "Position Limits (52, 48)",
+            f"{low} to {high}",
+            low <= need_low and need_high <= high,
+            f"they must include {need_low} to {need_high}",
+        )
 
     def _needed_ticks(self, leg: int) -> tuple[int, int]:
         ends = [self._scale.ticks(np.full(3, crank))[leg] for crank in self._crank_range]
@@ -382,6 +369,14 @@ class Wrist:
 def within(ticks: int) -> int:
     """A goal that a servo in position mode takes: rounding may put one a count outside."""
     return max(0, min(xl430.COUNTS_PER_TURN - 1, ticks))
+
+
+def _hardware_finding(name: str, errors: int) -> Finding:
+    detail = xl430.hardware_error_text(errors) if errors else "none"
+    remedy = "remove the cause, then reboot the servo"
+    return Finding(
+        f"{name}, Hardware Error Status (70)", not errors, detail, remedy if errors else ""
+    )
 
 
 def _finding(name: str, item: str, value: int | str, ok: bool, remedy: str) -> Finding:

@@ -22,6 +22,10 @@ CLOCK_HZ = 16_000_000
 HOST, BUS = 0, 1
 """Numbers of the USARTs."""
 
+_ERRORS = ("overruns", "framing", "collisions", "tx_lost", "tx_ignored", "line_full", "dropped")
+SIMULATOR_ERRORS = tuple(f"{name}{port}" for name in _ERRORS for port in (HOST, BUS))
+"""Counters in `Board.stats` that stay at 0 while all is well."""
+
 DIRECTION_PIN = "E4"
 """Direction of the half-duplex bus, high while the board drives: D2 of an Arduino Mega, as on
 ROBOTIS' DYNAMIXEL Shield."""
@@ -114,16 +118,23 @@ def _pty(number: int, link: Path | None) -> str:
     return f"{number}={link}" if link else str(number)
 
 
+def _raise(error: BoardError) -> None:
+    raise error
+
+
 @dataclass
 class Handlers:
-    """Whom the board tells; each may be replaced at any time."""
+    """Whom the board tells; each may be replaced at any time.
+
+    A loss of the simulator that nobody takes is raised where it is noticed.
+    """
 
     byte: dict[int, Callable[[Byte], None]] = field(default_factory=dict)
     edge: Callable[[Edge], None] = lambda _: None
     fault: Callable[[Fault], None] = lambda _: None
     reset: Callable[[float], None] = lambda _: None
     client: Callable[[int, bool], None] = lambda _port, _opened: None
-    lost: Callable[[BoardError], None] = lambda _: None
+    lost: Callable[[BoardError], None] = _raise
 
 
 class Board:
@@ -187,7 +198,11 @@ class Board:
             return until_s
         until_s = min(until_s, now_s + LONGEST_RUN_S)
         target = self.cycle(until_s)
-        events, at = self._process.ask(f"to {target}", "at")
+        try:
+            events, at = self._process.ask(f"to {target}", "at")
+        except BoardError as error:
+            self._lose(error)
+            return until_s
         if events:
             asyncio.get_running_loop().call_soon(self._handle, events)
         return until_s if int(at) >= target else max(now_s, self.time_s(int(at)))
@@ -246,8 +261,16 @@ class Board:
     # Inside ------------------------------------------------------------------------------------
 
     def _send(self, lines: str) -> None:
-        if self._open:
+        if not self._open:
+            return
+        try:
             self._process.send(lines)
+        except BoardError as error:
+            self._lose(error)
+
+    def _lose(self, error: BoardError) -> None:
+        self.close()
+        self.on.lost(error)
 
     def _ask(self, command: str, answer: str) -> str:
         events, rest = self._process.ask(command, answer)
@@ -261,8 +284,7 @@ class Board:
         try:
             self._handle(self._process.read())
         except BoardError as error:
-            self.close()
-            self.on.lost(error)
+            self._lose(error)
 
     def _handle(self, lines: list[str]) -> None:
         for line in lines:

@@ -136,12 +136,18 @@ class Process:
         """Give commands, each with its line end.
 
         Raises:
-            BoardError: the process has ended.
+            BoardError: the process has ended or does not take them in time.
         """
         data = lines.encode()
+        end_s = time.monotonic() + ANSWER_TIMEOUT_S
         try:
             while data:
-                data = data[os.write(self._to, data) :]
+                left_s = max(0.0, end_s - time.monotonic())
+                if not select.select([], [self._to], [], left_s)[1]:
+                    limit = f"within {ANSWER_TIMEOUT_S:g} s"
+                    raise BoardError(f"the board simulator did not take a command {limit}")
+                # A pipe that is ready takes so much without blocking.
+                data = data[os.write(self._to, data[: select.PIPE_BUF]) :]
         except OSError as error:
             raise BoardError(self._obituary()) from error
 

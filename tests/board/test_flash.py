@@ -6,7 +6,6 @@ import fcntl
 import os
 import termios
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,18 +16,10 @@ from sphmctl.errors import DeviceError
 from tests.avrsim.rig import compile_sketch
 from tests.board.rig import answering, mega, mega_1280, uno
 from tests.cli.conftest import sphmctl as sphmctl
+from tests.cli.conftest import terminal as terminal
 from tests.cli.rig import Sphmctl
 
 LONGEST_REFUSAL_S = 10.0
-
-
-@pytest.fixture
-def terminal() -> Iterator[str]:
-    """A serial port at whose other end nobody is."""
-    master, slave = os.openpty()
-    yield os.ttyname(slave)
-    os.close(master)
-    os.close(slave)
 
 
 def refusal(device: str, baud: int = bootloader.BAUD) -> str:

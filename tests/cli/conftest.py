@@ -1,7 +1,9 @@
-"""The command line as a fixture, in a folder of its own, on the packaged cell."""
+"""The command line as a fixture, in a folder of its own, on the packaged cell; an empty port."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,3 +27,12 @@ def sphmctl(
         return Result(code, captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture
+def terminal() -> Iterator[str]:
+    """A serial port at whose other end nobody is."""
+    master, slave = os.openpty()
+    yield os.ttyname(slave)
+    os.close(master)
+    os.close(slave)

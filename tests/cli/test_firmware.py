@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,15 +23,6 @@ PING_200 = bytes.fromhex("FFFFFD00C80300013BFA")
 """ROBOTIS e-manual, Protocol 2.0, "Ping", for id 200; CRC by dynamixel-sdk."""
 
 START_TIMEOUT_S = 30.0
-
-
-@pytest.fixture
-def terminal() -> Iterator[str]:
-    """A serial port at whose other end nobody is."""
-    master, slave = os.openpty()
-    yield os.ttyname(slave)
-    os.close(master)
-    os.close(slave)
 
 
 def test_build_tells_hex_digest_and_sizes(sphmctl: Sphmctl) -> None:

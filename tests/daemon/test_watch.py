@@ -234,7 +234,7 @@ def test_going_backwards_is_no_progress() -> None:
 
 
 def _board(hindrances: int = 0, alert_id: int = 255) -> BoardState:
-    return BoardState(hindrances, alert_id, 0, 0, (), {}, 1000.0)
+    return BoardState(hindrances, alert_id, 0, 0, (), {})
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ def _board(hindrances: int = 0, alert_id: int = 255) -> BoardState:
     [
         (table.HINDRANCES_STOP | table.HINDRANCES_NOT_ARMED, "emergency stop at the board was"),
         (table.HINDRANCES_NOT_ARMED | table.HINDRANCES_SAFE_STATE, "no longer armed: it was reset"),
-        (table.HINDRANCES_SAFE_STATE | table.HINDRANCES_NOT_ASKED, "heard nothing for 200 ms"),
+        (table.HINDRANCES_SAFE_STATE | table.HINDRANCES_NOT_ASKED, "heard nothing for 500 ms"),
         (table.HINDRANCES_SERVO | table.HINDRANCES_NOT_ASKED, "servo 2 report a hardware error"),
         (table.HINDRANCES_NO_WATCHDOG, "took wrist ok away: no watchdog"),
     ],

@@ -155,7 +155,7 @@ def test_a_silent_host_loses_wrist_ok_and_can_arm_again() -> None:
         state = await board.state()
         trouble = state.trouble()
         assert trouble is not None
-        assert "heard nothing for 200 ms" in trouble
+        assert "heard nothing for 500 ms" in trouble
         assert state.counters["watchdog_trips"] == 1
         await board.arm()
         await board.permit()
@@ -201,11 +201,12 @@ def test_edge_times_are_within_the_clocks_window_of_the_truth() -> None:
             await asyncio.sleep(0.02)
         state = await board.state()
         assert state.knot_edges == 5
-        assert [edge.number for edge in state.knots] == [2, 3, 4, 5]
+        found_s = board.knots_s(state, 5)
+        assert len(found_s) == driver.STAMPS
         # Behind an ATmega16U2 a reply waits for up to 4.1 ms; replies at many phases prove more.
         assert board.clock_window_s < 0.004
-        for edge in state.knots:
-            assert abs(edge.at_s - true_s[edge.number - 1]) < board.clock_window_s / 2 + 50e-6
+        for at_s, edge_s in zip(found_s, true_s[1:], strict=True):
+            assert abs(at_s - edge_s) < board.clock_window_s / 2 + 50e-6
 
     with_board(test)
 

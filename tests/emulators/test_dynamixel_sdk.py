@@ -2,10 +2,8 @@
 
 import asyncio
 import contextlib
-import json
 import os
 import random
-import sys
 import termios
 from pathlib import Path
 from typing import Any
@@ -16,58 +14,23 @@ from sphmctl.emulators.pseudo_terminal import UNREAD_BYTES, PseudoTerminal
 from sphmctl.emulators.servo_bus import ServoBus
 from sphmctl.emulators.world import World
 from sphmctl.emulators.xl430 import Servo
+from tests.emulators.sdk_rig import MOVE_AND_READ, answers_of
 
-PROCESS_LIMIT_S = 60.0
 IDLE_ROUNDS = 300
 PING_1 = bytes.fromhex("FF FF FD 00 01 03 00 01 19 4E")
 
-CLIENT = r"""
-import json, sys
-from dynamixel_sdk import GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
-
-TRIES = 10  # on a loaded machine the SDK's fixed 34 ms may run out
-
-def settle(call):
-    for _ in range(TRIES):
-        answer = call()
-        if answer[-2] == 0:
-            break
-    return answer
-
-def group(call):
-    return settle(lambda: (call(), 0))[0]
-
-port = PortHandler(sys.argv[1])
-assert port.openPort() and port.setBaudRate(1000000)
-dxl = PacketHandler(2.0)
-out = {}
+CLIENT = rf"""
 out["ping"] = [settle(lambda i=i: dxl.ping(port, i)) for i in (1, 2, 3)]
 out["missing"] = dxl.ping(port, 4)[1]
 out["read"] = settle(lambda: dxl.read4ByteTxRx(port, 2, 132))
 out["torque"] = [settle(lambda i=i: dxl.write1ByteTxRx(port, i, 64, 1)) for i in (1, 2, 3)]
 out["locked"] = settle(lambda: dxl.write1ByteTxRx(port, 1, 9, 1))
 out["range"] = settle(lambda: dxl.write4ByteTxRx(port, 1, 116, 5000))
-writer = GroupSyncWrite(port, dxl, 116, 4)
-for i in (1, 2, 3):
-    writer.addParam(i, (2100 + i).to_bytes(4, "little"))
-out["sync_write"] = writer.txPacket()
-for name in ("txRxPacket", "fastSyncRead"):
-    reader = GroupSyncRead(port, dxl, 132, 4)
-    for i in (1, 2, 3):
-        reader.addParam(i)
-    for _ in range(500):
-        result = group(getattr(reader, name))
-        values = [reader.getData(i, 132, 4) if reader.isAvailable(i, 132, 4) else None
-                  for i in (1, 2, 3)]
-        if None not in values and all(abs(v - 2101 - n) <= 1 for n, v in enumerate(values)):
-            break
-    out[name] = [result, values]
+{MOVE_AND_READ}
 port.closePort()
 port = PortHandler(sys.argv[1])
 assert port.openPort() and port.setBaudRate(57600)
 out["wrong_baud"] = dxl.ping(port, 1)[1]
-port.closePort()
-print(json.dumps(out))
 """
 
 
@@ -81,12 +44,7 @@ async def _talk() -> dict[str, Any]:
     bus = cell()
     device = bus.open_pty()
     try:
-        client = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", CLIENT, device, stdout=asyncio.subprocess.PIPE
-        )
-        out, _ = await asyncio.wait_for(client.communicate(), PROCESS_LIMIT_S)
-        answers: dict[str, Any] = json.loads(out)
-        return answers
+        return await answers_of(CLIENT, device)
     finally:
         await bus.close()
 

@@ -92,6 +92,23 @@ static uint16_t crc_of(const std::vector<uint8_t>& bytes) {
 
 static std::vector<std::deque<uint8_t> > examples;
 static unsigned long long frames_sent;
+static unsigned long long rises;  // of wrist ok
+static bool safe_when_begun;
+
+static bool overlaps(unsigned begin, unsigned size, unsigned low, unsigned high) { return begin < high && begin + size > low; }
+
+// Whether a frame, less its CRC, may let a servo move: goals and their indirect addresses, torque on, what is not looked into.
+static bool may_move(const std::vector<uint8_t>& frame) {
+    const uint8_t code = frame[7];
+    const size_t count = frame.size() - 8;
+    if (code == 0x05 || code == 0x93) return true;
+    const bool sync = code == 0x83;
+    if ((code != 0x03 && code != 0x04 && !sync) || count < (sync ? 4u : 2u)) return false;
+    const unsigned begin = frame[8] | frame[9] << 8;
+    const unsigned size = sync ? frame[10] | frame[11] << 8 : static_cast<unsigned>(count - 2);
+    if (overlaps(begin, size, 100, 120) || overlaps(begin, size, 224, 252) || overlaps(begin, size, 634, 662)) return true;
+    return !sync && begin == 64 && size == 1 && frame[10] != 0;
+}
 
 // What goes to the bus must be a whole frame with a right CRC, by the bitwise rule, whatever came in.
 static void check_sent() {
@@ -102,15 +119,22 @@ static void check_sent() {
     const uint16_t crc = static_cast<uint16_t>(sent[size - 2] | sent[size - 1] << 8);
     sent.resize(size - 2);
     require(crc_of(sent) == crc, "CRC");
+    require(!safe_when_begun || !may_move(sent), "a goal in the safe state");
     ++frames_sent;
 }
 
 static void check_event(char what, uint8_t value) {
     if (!quiet) return;
     require(what != '!', "a byte lost, sent undriven or cut");
+    if (what == 'w' && value != 0) {
+        ++rises;
+        require(table.arm == 1 && table.outputs == 1 && table.faults == 0, "wrist ok on, not armed, not asked for or with a fault");
+        require(table.bus_watchdog != 0 && table.bus_watchdog != 255, "wrist ok on without a watchdog");
+    }
     if (what == 'b') sent.push_back(value);
     if (what != 'd') return;
     if (value == 0) check_sent();
+    safe_when_begun = table.bus_watchdog == 255;
     sent.clear();
 }
 
@@ -154,7 +178,7 @@ static void fuzz(unsigned long long count) {
         require(table.output_state == 0 || table.hindrances == 0, "wrist ok");
     }
     quiet = false;
-    printf("f %llu %llu\n", static_cast<unsigned long long>(bytes), frames_sent);
+    printf("f %llu %llu %llu\n", static_cast<unsigned long long>(bytes), frames_sent, rises);
 }
 
 // The parser alone: what it calls a frame is one by the bitwise rule, and the other way round.

@@ -17,6 +17,7 @@ from sphmctl.emulators.board import (
     CLOCK_HZ,
     DIRECTION_PIN,
     HOST,
+    SIMULATOR_ERRORS,
     Board,
     Byte,
     Edge,
@@ -26,7 +27,6 @@ from sphmctl.emulators.lines import KNOT_PIN, MOVING_PIN, OK_PIN, STOP_PIN
 from sphmctl.wire import board_table as table
 from sphmctl.wire import dxl
 from tests.firmware.rig import BOARD, READ, SYNC_READ, SYNC_WRITE, WRITE, instruction
-from tools.bench.soak_board import SIMULATOR_ERRORS
 
 BYTE_US = 10.0
 """Ten bits at 1 Mbaud."""

@@ -185,6 +185,15 @@ def test_a_board_that_starts_with_the_stop_pressed_says_so(bare: Rig) -> None:
     assert item(bare, table.FAULTS) == table.FAULTS_STOP
 
 
+def test_wrist_ok_falls_once_whenever_an_alert_comes(rig: Rig) -> None:
+    for delay_us in range(50, 250):
+        rig.arm()
+        rig.reply(dxl_reference.status(2, b"", error=0x80), delay_us)
+        seen = rig.send(instruction(2, PING), 1000)
+        assert [level for _, level in seen.wrist_ok] == [0], delay_us
+        assert rig.write(70, 0) == OK
+
+
 def test_an_alert_of_a_servo_drops_wrist_ok_and_names_the_servo(rig: Rig) -> None:
     rig.arm()
     rig.reply(dxl_reference.status(2, b"", error=0x80))

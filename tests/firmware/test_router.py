@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from sphmctl.wire import dxl
@@ -209,6 +211,8 @@ def test_lost_bytes_are_counted(free: Rig) -> None:
         instruction(1, WRITE, b"\xe0\0" + bytes(4)),
         instruction(1, WRITE, b"\x84\2" + bytes(4)),
         instruction(1, REG_WRITE, GOAL),
+        instruction(1, WRITE, b"\x40\0\1"),
+        instruction(1, WRITE, b"\x3f\0\0\0"),
         instruction(1, ACTION),
         instruction(1, BULK_WRITE, b"\1"),
     ],
@@ -227,6 +231,7 @@ def test_in_the_safe_state_a_goal_is_refused_in_the_name_of_the_servo(
     [
         instruction(254, SYNC_WRITE, b"\x74\0\4\0\1" + bytes(4)),
         instruction(254, WRITE, GOAL),
+        instruction(254, SYNC_WRITE, b"\x40\0\1\0\1\0\2\1"),
         instruction(254, ACTION),
         instruction(254, BULK_WRITE, b"\1\x74\0\1\0\0"),
     ],
@@ -245,8 +250,13 @@ def test_in_the_safe_state_a_goal_for_several_servos_is_dropped_in_silence(
     [
         READ_1,
         instruction(1, PING),
-        instruction(1, WRITE, b"\x40\0\1"),
+        instruction(1, WRITE, b"\x40\0\0"),
         instruction(1, WRITE, b"\x62\0\0"),
+        instruction(1, WRITE, b"\x74"),
+        instruction(1, WRITE),
+        instruction(254, SYNC_WRITE),
+        instruction(254, SYNC_WRITE, b"\x74\0\4"),
+        instruction(254, SYNC_WRITE, b"\x40\0\1\0\1\0\2\0"),
         instruction(1, WRITE, b"\x60\0" + bytes(4)),
         instruction(1, WRITE, b"\x78\0\0"),
         instruction(254, WRITE, b"\x40\0\0"),
@@ -256,3 +266,28 @@ def test_in_the_safe_state_a_goal_for_several_servos_is_dropped_in_silence(
 def test_in_the_safe_state_everything_else_passes(rig: Rig, frame: bytes) -> None:
     assert bytes(rig.send(frame, 3500).bus) == frame
     assert rig.table(REFUSED, 2) == 0
+
+
+def keep_waiting(free: Rig, sizes: list[int]) -> None:
+    """Frames of these sizes that nobody answers, so that some wait in the store at any time."""
+    sent, seen = bytearray(), bytearray()
+    for number, size in enumerate(sizes):
+        frame = instruction(1, WRITE, b"\x14\0" + bytes(i % 250 for i in range(size - 12)))
+        assert len(frame) == size
+        sent += frame
+        # Each keeps the board for 3 ms and its own length.
+        seen += free.send(frame, 0.0 if number < 4 else 1680.0).bus
+    seen += free.run(40_000).bus
+    assert bytes(seen) == bytes(sent)
+    assert free.table(HOST_OVERRUNS, 2) == 0
+
+
+def test_frames_that_wait_go_out_in_order_round_and_round_the_store(free: Rig) -> None:
+    rng = random.Random(1)
+    keep_waiting(free, [rng.randrange(100, 400) for _ in range(150)])
+
+
+def test_where_frames_once_turned_to_the_begin_of_the_store_is_forgotten(free: Rig) -> None:
+    # A frame takes a byte more than its length of 2048: 20 of 99 end at 2000, where the next turns.
+    keep_waiting(free, [99] * 30)
+    keep_waiting(free, [99] * 20 + [47])

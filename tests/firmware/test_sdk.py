@@ -7,9 +7,7 @@ is over after 34 ms.
 from __future__ import annotations
 
 import asyncio
-import json
 import random
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,29 +20,13 @@ from sphmctl.emulators.lines import STOP_PIN
 from sphmctl.emulators.world import World
 from sphmctl.emulators.xl430 import Servo
 from sphmctl.wire import board_table as table
+from tests.emulators.sdk_rig import MOVE_AND_READ, answers_of
 
 pytestmark = pytest.mark.realtime
 
-PROCESS_LIMIT_S = 60.0
 IDS = (1, 2, 3)
 
-CLIENT = r"""
-import json, sys
-from dynamixel_sdk import GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
-
-TRIES = 10  # the board boots after the port is opened, and the machine may be loaded
-
-def settle(call):
-    for _ in range(TRIES):
-        answer = call()
-        if answer[-2] == 0:
-            break
-    return answer
-
-port = PortHandler(sys.argv[1])
-assert port.openPort() and port.setBaudRate(1000000)
-dxl = PacketHandler(2.0)
-out = {}
+CLIENT = rf"""
 out["ping"] = [settle(lambda i=i: dxl.ping(port, i)) for i in (200, 1, 2, 3)]
 out["missing"] = dxl.ping(port, 4)[1]
 for _ in range(TRIES):
@@ -60,24 +42,8 @@ out["refused"] = settle(lambda: dxl.write4ByteTxRx(port, 1, 116, 2100))
 out["free"] = settle(lambda: dxl.write1ByteTxRx(port, 200, 98, 0))
 out["locked"] = settle(lambda: dxl.write2ByteTxRx(port, 200, 0, 1))
 out["torque"] = [settle(lambda i=i: dxl.write1ByteTxRx(port, i, 64, 1)) for i in (1, 2, 3)]
-writer = GroupSyncWrite(port, dxl, 116, 4)
-for i in (1, 2, 3):
-    writer.addParam(i, (2100 + i).to_bytes(4, "little"))
-out["sync_write"] = writer.txPacket()
-for name in ("txRxPacket", "fastSyncRead"):
-    reader = GroupSyncRead(port, dxl, 132, 4)
-    for i in (1, 2, 3):
-        reader.addParam(i)
-    for _ in range(500):
-        result = settle(lambda: (getattr(reader, name)(), 0))[0]
-        values = [reader.getData(i, 132, 4) if reader.isAvailable(i, 132, 4) else None
-                  for i in (1, 2, 3)]
-        if None not in values and all(abs(v - 2101 - n) <= 1 for n, v in enumerate(values)):
-            break
-    out[name] = [result, values]
+{MOVE_AND_READ}
 out["errors"] = settle(lambda: dxl.readTxRx(port, 200, 162, 12))
-port.closePort()
-print(json.dumps(out))
 """
 
 
@@ -91,11 +57,7 @@ async def _talk(firmware: Path) -> dict[str, Any]:
         for servo in servos:
             world.add(servo)
         BoardBus(board, servos, world.advance)
-        client = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", CLIENT, board.port, stdout=asyncio.subprocess.PIPE
-        )
-        out, _ = await asyncio.wait_for(client.communicate(), PROCESS_LIMIT_S)
-        answers: dict[str, Any] = json.loads(out)
+        answers = await answers_of(CLIENT, board.port)
         answers["stats"] = board.stats()
         answers["faults"] = [fault.kind for fault in board.faults]
         return answers

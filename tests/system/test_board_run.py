@@ -4,27 +4,41 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import signal
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
 from sphmctl.cli import emulation, main
+from sphmctl.daemon.board_report import KNOT_EDGE
 from sphmctl.daemon.follow import stretches
 from sphmctl.drivers.board import WATCHDOG_UNITS
-from sphmctl.emulators.board import Board, Mode
+from sphmctl.emulators.board import SIMULATOR_ERRORS, Board, Mode
 from sphmctl.emulators.krc4 import Options
 from sphmctl.errors import DeviceError
 from tests.system.rig import SIDES, STILL_DEG, Ended, Rig, at, ends_in_peace, plan_of, run
-from tests.system.test_command_run import SHORT_PATH, cell_file, finish, line_of, sphmctl, start
+from tests.system.test_command_run import (
+    SHORT_PATH,
+    WAIT_S,
+    cell_file,
+    finish,
+    line_of,
+    sphmctl,
+    start,
+)
 from tests.system.test_octagon import LIMITS, OCTAGON, figures
 
 ON_SIDE_S = 0.4
 """Plan time in the middle of the first side."""
 
 WATCHDOG_S = 0.020 * WATCHDOG_UNITS
+DIED = "sphmctl: simulated board: the board simulator ended with code -9"
 ERRORS = (
     "host_crc_errors",
     "host_torn_frames",
@@ -56,6 +70,14 @@ def cut_line(rig: Rig) -> None:
     rig.emulated.wiring.cut_wrist_ok()
 
 
+def wait_for(met: Callable[[], bool]) -> None:
+    """Look at another process's files until they say what is waited for."""
+    end_s = time.monotonic() + WAIT_S
+    while not met():
+        assert time.monotonic() < end_s, "what the test waits for did not happen"
+        time.sleep(0.05)
+
+
 def stands_after(ended: Ended, seconds: float) -> None:
     """The machine stands so long after the test's act."""
     acted_s = ended.rig.acted_s
@@ -67,11 +89,21 @@ def test_the_octagon_is_followed_in_step_with_the_firmware_in_the_chain(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     boards: list[Board] = []
+    stats: dict[str, int] = {}
     make = emulation.simulated_board
 
-    def note(mode: Mode, host_link: Path | None = None) -> Board:
-        boards.append(make(mode, host_link))
-        return boards[-1]
+    def note(mode: Mode, **options: Any) -> Board:
+        board = make(mode, **options)
+        boards.append(board)
+        close = board.close
+
+        def read_and_close() -> None:
+            if not stats:
+                stats.update(board.stats())
+            close()
+
+        monkeypatch.setattr(board, "close", read_and_close)
+        return board
 
     monkeypatch.setattr(emulation, "simulated_board", note)
     code = main.run(
@@ -82,6 +114,7 @@ def test_the_octagon_is_followed_in_step_with_the_firmware_in_the_chain(
     assert (code, summary["outcome"]) == (0, "completed"), summary
     (board,) = boards
     assert board.faults == []
+    assert {name: stats[name] for name in SIMULATOR_ERRORS} == dict.fromkeys(SIMULATOR_ERRORS, 0)
     report = summary["board"]
     assert {name: report["end"][name] for name in ERRORS} == dict.fromkeys(ERRORS, 0)
     assert report["end"]["resets"] == report["begin"]["resets"]
@@ -99,6 +132,14 @@ def test_each_knot_that_the_arm_passes_is_an_edge_at_the_board() -> None:
     knots = max(piece.sequence for piece in stretches(plan_of(SIDES)))
     assert ended.outcome.board is not None
     assert ended.outcome.board["knot_edges"] == knots
+    assert ended.outcome.board["reset"] is False
+    events = ended.rig.events.history
+    edges = [(t_s, fields) for t_s, name, fields in events if name == KNOT_EDGE]
+    assert [fields["number"] for _, fields in edges] == list(range(1, knots + 1))
+    for t_s, fields in edges:
+        # The board is read each 50 ms; a reply takes up to 10 ms.
+        assert 0.0 < t_s - fields["edge_s"] < 0.065
+        assert 0.0 < fields["window_ms"] < 10.0
     assert hardware(ended.rig).faults == []
     ends_in_peace(ended)
 
@@ -168,6 +209,10 @@ def test_a_board_that_is_reset_ends_the_run() -> None:
     assert ended.outcome.outcome == "faulted"
     assert "the board is no longer armed: it was reset" in ended.outcome.cause
     assert ended.torques == [0, 0, 0]
+    report = ended.outcome.board
+    assert report is not None
+    assert (report["knot_edges"], report["reset"]) == (None, True)
+    assert report["end"]["resets"] == report["begin"]["resets"] + 1
     ends_in_peace(ended)
 
 
@@ -223,6 +268,66 @@ def test_an_emulator_with_a_board_serves_another_process(tmp_path: Path) -> None
         process.send_signal(signal.SIGTERM)
         assert finish(process)[0] == 0
     assert not link.is_symlink()
+
+
+def kill_simulator_of(process_id: int) -> None:
+    """Kill the simulator that a process has started."""
+    children = Path(f"/proc/{process_id}/task/{process_id}/children").read_text().split()
+    (simulator,) = (
+        int(child)
+        for child in children
+        if Path(f"/proc/{child}/comm").read_text().startswith("avrsim")
+    )
+    os.kill(simulator, signal.SIGKILL)
+
+
+def test_an_emulator_whose_simulator_dies_ends_with_a_sentence(tmp_path: Path) -> None:
+    process = start("emulate", "--board", "simulated", "--wrist-link", str(tmp_path / "wrist"))
+    line_of(process)
+    kill_simulator_of(process.pid)
+    code, _, err = finish(process)
+    assert (code, err.splitlines()[1:]) == (5, [DIED])
+
+
+def test_a_run_whose_simulator_dies_ends_with_a_sentence_and_its_record(tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    process = start(
+        *("run", str(OCTAGON), "--dry-run", "--board", "simulated", "--json"),
+        *("--runs-dir", str(runs)),
+    )
+    try:
+        wait_for(lambda: any("motion begins" in f.read_text() for f in runs.glob("*/events.jsonl")))
+        kill_simulator_of(process.pid)
+    finally:
+        code, out, err = finish(process)
+    summary = json.loads(out)
+    assert (code, summary["outcome"]) == (5, "faulted"), err
+    assert err.splitlines()[-1] == f"{DIED}; the record is in {summary['run_dir']}"
+
+
+@pytest.mark.parametrize(("at_s", "begun"), [(1.0, False), (4.0, True)])
+def test_a_virtual_run_whose_simulator_dies_ends_with_a_sentence(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    at_s: float,
+    begun: bool,
+) -> None:
+    make = emulation.simulated_board
+
+    def mortal(mode: Mode, **options: Any) -> Board:
+        board = make(mode, **options)
+        loop = asyncio.get_running_loop()
+        loop.call_later(at_s, kill_simulator_of, os.getpid())
+        return board
+
+    monkeypatch.setattr(emulation, "simulated_board", mortal)
+    code = main.run(
+        ["run", str(OCTAGON), "--dry-run", "--virtual", "--board", "simulated"]
+        + ["--runs-dir", str(tmp_path)]
+    )
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert (code, told.startswith(DIED), "the record is in" in told) == (5, True, begun)
 
 
 def test_a_simulated_board_is_for_emulated_wrists(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from sphmctl import clock
 from sphmctl.board.image import SHIPPED
 from sphmctl.drivers.board import ERROR_COUNTERS, STATE_BYTES, STATE_ITEMS
-from sphmctl.emulators.board import BUS, HOST, Board, Byte, Edge, Options
+from sphmctl.emulators.board import HOST, SIMULATOR_ERRORS, Board, Byte, Edge, Options
 from sphmctl.emulators.board_bus import BoardBus
 from sphmctl.emulators.lines import KNOT_PIN, MOVING_PIN, OK_PIN, STOP_PIN
 from sphmctl.emulators.world import World
@@ -56,7 +56,7 @@ BOARD_EVERY = 5
 KNOT_EVERY = 7
 """Cycles from one edge of "knot" to the next: longer than the board debounces."""
 
-WATCHDOG_UNITS = 10
+WATCHDOG_UNITS = 25
 """Bus Watchdog of the board, 20 ms: as in a run."""
 
 CLOCK_OFF_US = 1000
@@ -66,10 +66,6 @@ RATES_HZ = (50.0, 100.0)
 MINUTES = 10.0
 PROGRESS_S = 60.0
 """Simulated time between two lines of progress."""
-
-_COUNTERS = ("overruns", "framing", "collisions", "tx_lost", "tx_ignored", "line_full", "dropped")
-SIMULATOR_ERRORS = tuple(f"{name}{port}" for name in _COUNTERS for port in (HOST, BUS))
-"""Counters of the simulator that stay at 0."""
 
 
 class SoakError(Exception):
