@@ -13,7 +13,7 @@ from sphmctl.emulators.adapter import Usb
 from sphmctl.emulators.board import Board
 from sphmctl.emulators.board_bus import BoardBus
 from sphmctl.emulators.board_host import BoardHost
-from sphmctl.emulators.krc4 import TICK_STEPS, Controller, Options
+from sphmctl.emulators.controller import TICK_STEPS, Controller, Options
 from sphmctl.emulators.kvp_server import KvpServer, Latency
 from sphmctl.emulators.kvp_server import Pipe as KvpPipe
 from sphmctl.emulators.lines import Wiring

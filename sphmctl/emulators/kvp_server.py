@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Literal, Protocol
 
-from sphmctl.emulators.krc4 import Controller
+from sphmctl.emulators.controller import Controller
 from sphmctl.emulators.kvp_frames import Request, framed, requests
 from sphmctl.emulators.kvp_service import UnansweredError, execute, service_s
 from sphmctl.emulators.world import World

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from typing import Protocol
 
-from sphmctl.emulators.krl_text import Struct
+from sphmctl.emulators.krl_text import Struct, Type
 from sphmctl.emulators.kvp_frames import (
     READ,
     READ_ARRAY,
@@ -21,7 +22,6 @@ from sphmctl.emulators.kvp_frames import (
     numbers,
     words,
 )
-from sphmctl.emulators.variables import Store
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,24 @@ STALL_S = (0.020, 0.080)
 """Shortest and longest stall: the worst case of each of the measured series lies between."""
 
 
+class Variables(Protocol):
+    """What the server needs of the controller."""
+
+    def kind_of(self, name: str) -> Type | None:
+        """The type of what a name leads to; None when it leads nowhere."""
+
+    def read_text(self, name: str) -> str | None:
+        """The text of a variable or a part of it; None when the name is unknown."""
+
+    def write_text(self, name: str, text: str) -> bool:
+        """Set a variable or a part of it; False when that is refused."""
+
+
 class UnansweredError(Exception):
     """The server runs into an error of its own and forgets the rest of the read event."""
 
 
-def service_s(store: Store, request: Request, rng: random.Random) -> float:
+def service_s(store: Variables, request: Request, rng: random.Random) -> float:
     """The time that the server spends on a request."""
     if request.function not in (READ, WRITE, READ_ARRAY, WRITE_ARRAY):
         return PING_S
@@ -78,7 +91,7 @@ def service_s(store: Store, request: Request, rng: random.Random) -> float:
     return stall_s + peaks.draw(rng)
 
 
-def execute(store: Store, request: Request) -> bytes | None:
+def execute(store: Variables, request: Request) -> bytes | None:
     """Do what a request asks; returns the reply's body, None for an unknown function.
 
     Raises:
@@ -106,6 +119,6 @@ def execute(store: Store, request: Request) -> bytes | None:
     return None
 
 
-def _show(store: Store, name: str) -> str:
+def _show(store: Variables, name: str) -> str:
     """A value as the server shows it: trimmed; unknown and undefined ones are empty."""
     return (store.read_text(name) or "").strip(" ")

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 from sphmctl.emulators.board import Board, Edge
 
 KNOT_PIN, MOVING_PIN, STOP_PIN, OK_PIN = "L0", "L1", "L2", "L3"
 """D49, D48, D47 and D46 of an Arduino Mega (firmware/board/README.md, pin table)."""
+
+
+class Levels(Protocol):
+    """A controller's end of the lines."""
+
+    wrist_ok: bool
+    on_output: Callable[[str, bool], None]
 
 
 class Lines:
@@ -48,7 +56,7 @@ class Wiring:
         advance: brings the controller up to the present instant.
     """
 
-    def __init__(self, lines: Lines, board: Board, advance: Callable[[], None]) -> None:
+    def __init__(self, lines: Levels, board: Board, advance: Callable[[], None]) -> None:
         self._lines = lines
         self._board = board
         self._advance = advance

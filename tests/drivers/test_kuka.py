@@ -13,7 +13,7 @@ from sphmctl import clock
 from sphmctl.drivers import krc_interface as krc
 from sphmctl.drivers.kuka import SESSION_TIMEOUT_S, KukaArm
 from sphmctl.drivers.kvp_client import KvpClient
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from sphmctl.errors import DeviceError
 from tests.drivers.far_end import FarEnd, kvp_name, kvp_reply
 from tests.system.rig import Rig

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from sphmctl.emulators.krc4 import Controller, Options
+from sphmctl.emulators.controller import Controller, Options
 from sphmctl.emulators.krl_text import Value
 from sphmctl.emulators.world import World
 

@@ -7,7 +7,7 @@ import random
 from collections.abc import Awaitable, Callable
 
 from sphmctl.clock import run
-from sphmctl.emulators.krc4 import Controller
+from sphmctl.emulators.controller import Controller
 from sphmctl.emulators.kvp_server import KvpServer, Latency
 from sphmctl.emulators.world import World
 

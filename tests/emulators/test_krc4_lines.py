@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from sphmctl.emulators.lines import Lines
 from tests.emulators.krc4_rig import ENDED, FAULT, HOME, READY, RUN, RUNNING, Rig, away
 

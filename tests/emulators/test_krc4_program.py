@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from tests.emulators.krc4_rig import (
     ENDED,
     FAULT,

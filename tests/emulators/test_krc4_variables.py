@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from sphmctl.emulators.krl_text import Bool, Enum, Int, Real, Struct, Text, real_text
 from sphmctl.emulators.system_variables import E6AXIS, E6POS
 from sphmctl.emulators.variables import Store

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from py_openshowvar import openshowvar
 
-from sphmctl.emulators.krc4 import Controller
+from sphmctl.emulators.controller import Controller
 from sphmctl.emulators.kvp_server import KvpServer, Latency
 from sphmctl.emulators.world import World
 

@@ -24,7 +24,7 @@ from sphmctl.drivers.kuka import KukaArm
 from sphmctl.drivers.link import Link, MemoryLink
 from sphmctl.drivers.wrist import Wrist
 from sphmctl.emulators.cell import EmulatedCell, Setup
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats, Plan
 from sphmctl.pathfile import load_path

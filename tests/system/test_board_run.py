@@ -20,7 +20,7 @@ from sphmctl.daemon.board_report import KNOT_EDGE
 from sphmctl.daemon.follow import stretches
 from sphmctl.drivers.board import WATCHDOG_UNITS
 from sphmctl.emulators.board import SIMULATOR_ERRORS, Board, Mode
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from sphmctl.errors import DeviceError
 from tests.system.rig import SIDES, STILL_DEG, Ended, Rig, at, ends_in_peace, plan_of, run
 from tests.system.test_command_run import (

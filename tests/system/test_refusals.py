@@ -9,7 +9,7 @@ import pytest
 
 from sphmctl import clock
 from sphmctl.emulators.cell import Setup
-from sphmctl.emulators.krc4 import Options
+from sphmctl.emulators.controller import Options
 from sphmctl.errors import DeviceError, SphmctlError, UsageError
 from tests.system.rig import (
     SIDES,

@@ -1,0 +1,55 @@
+"""The files on the emulated controller: ours as they are shipped, and the submit interpreter's."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+
+from sphmctl.emulators.interpreter import submit_program
+from sphmctl.emulators.krl import nodes as n
+from sphmctl.emulators.krl.parse import parse
+from sphmctl.emulators.krl.source import read_text
+
+SHIPPED = Path(__file__).parents[2] / "firmware" / "krc"
+
+OURS = "SPH_RUN"
+
+IDLE = """DEF {name}()
+LOOP
+  WAIT SEC 0.1
+ENDLOOP
+END
+"""
+"""A program of somebody else's, which never moves."""
+
+
+@lru_cache(maxsize=16)
+def controller_files(
+    program: str, version: int | None = None, installed: bool = True
+) -> tuple[n.Module, ...]:
+    """The modules of a controller.
+
+    Args:
+        program: the one to be selected; where it is not ours, an idle one of that name.
+        version: what our program is made to say of itself; None leaves the files as they are.
+        installed: whether our files are there.
+
+    Raises:
+        KrlError: a file is no KRL.
+        OSError: a file cannot be read.
+    """
+    found: list[n.Module] = []
+    if installed:
+        paths = sorted([*SHIPPED.glob("*.src"), *SHIPPED.glob("*.dat")])
+        found += [parse(_with_version(read_text(path), version), str(path)) for path in paths]
+        found.append(submit_program(["SPH_SPS_INIT()"], ["SPH_SPS()"]))
+    else:
+        found.append(submit_program([], []))
+    if program != OURS or not installed:
+        found.append(parse(IDLE.format(name=program), f"{program.lower()}.src"))
+    return tuple(found)
+
+
+def _with_version(text: str, version: int | None) -> str:
+    return text if version is None else re.sub(r"(INT SPH_VERSION=)\d+", rf"\g<1>{version}", text)
