@@ -58,8 +58,7 @@ class Rig:
         for name in ("SPH_CMD", "SPH_WR", "SPH_LAST"):
             self.write(name, "0")
         self.write("SPH_SESSION", str(number))
-        self.wait_ms(13)
-        assert self.state("SESSION") == number
+        self.wait_for(number, 40, "SESSION")
         assert self.state("STATUS") == READY
 
     def knot(
