@@ -6,6 +6,7 @@ point and active. Not modelled: drives that warm up, tracking error.
 
 from __future__ import annotations
 
+import math
 import random
 from dataclasses import dataclass, field
 
@@ -34,10 +35,11 @@ START_UP_MS = 600
 """What the operator's part takes: submit interpreter, selection, and a BCO run to where the arm
 stands; the program waits for a session long before the end of it."""
 
-ACCELERATION_DEG_S2 = (1243.0, 395.0, 1799.0, 7620.0, 7792.0, 15355.0)
-"""kuka_agilus_support/config/kr6_r900_sixx_joint_limits.yaml of kroshu/kuka_robot_descriptions,
-21.7, 6.9, 31.4, 133, 136 and 268 rad/s2: what the cell's own figures are, so that the arm is no
-faster than those who plan for it think."""
+ACCELERATION_DEG_S2 = tuple(
+    math.degrees(limit_rad_s2) for limit_rad_s2 in (21.7, 6.9, 31.4, 133.0, 136.0, 268.0)
+)
+"""kuka_agilus_support/config/kr6_r900_sixx_joint_limits.yaml of kroshu/kuka_robot_descriptions:
+lower in the axes that carry the arm than the mover's own guess, and what planners know."""
 
 MEASURING_ERROR_DEG = 2e-5
 """Standard deviation of `$AXIS_ACT_MEAS` from `$AXIS_ACT`: they differ in the seventh digit in a

@@ -238,11 +238,11 @@ def test_the_controller_begins_where_the_operators_part_ends() -> None:
 def test_a_moving_arm_shows_its_block_and_its_speeds() -> None:
     rig = Rig()
     rig.session()
-    rig.knot(1, away(60.0), velocity=50.0)
+    rig.knot(1, away(90.0), velocity=50.0)
     rig.command(1)
-    rig.wait_ms(250)
+    rig.wait_ms(400)
     assert rig.read("$AXIS_BACK.A1") == "0.0"
-    assert rig.read("$AXIS_FOR.A1") == "60.0000"
+    assert rig.read("$AXIS_FOR.A1") == "90.0000"
     assert rig.read("$VEL_AXIS_ACT [1]") == "50.0000"
     assert (rig.read("$VEL_AXIS_ACT[]") or "").split() == ["50.0000", *["0.0"] * 11]
     assert rig.read("$PRO_MOVE") == "TRUE"

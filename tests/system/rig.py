@@ -179,6 +179,11 @@ class Rig:
         """Wait until the plan is driven so far."""
         await self.until(lambda: self.tau >= tau_s)
 
+    async def until_driven(self) -> None:
+        """Wait until the arm has passed the last knot, as its program counts."""
+        variables = self.emulated.controller.store
+        await self.until(lambda: 0 < variables.get("SPH_LAST") == variables.get("SPH_DONE"))
+
     def torques(self) -> list[int]:
         """Torque Enable of the three servos, as it is."""
         return [servo.table["torque_enable"] for servo in self.emulated.servos]

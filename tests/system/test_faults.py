@@ -78,7 +78,9 @@ FAULTS: dict[str, Fault] = {
     ),
     "mode": Fault(lambda rig: rig.emulated.controller.set_mode("T1"), "mode changed from EX to T1"),
     "drives": Fault(
-        lambda rig: setattr(rig.emulated.controller.panel, "drives", False), "drives are off"
+        lambda rig: setattr(rig.emulated.controller.panel, "drives", False),
+        "drives are off",
+        reaction_s=0.06,
     ),
     "first servo unplugged": Fault(
         lambda rig: rig.emulated.servos[0].unplug(),
@@ -215,7 +217,7 @@ def test_another_client_that_takes_the_session_at_the_end_ends_the_run() -> None
     async def script(rig: Rig) -> None:
         await rig.until_tau(1.3)
         rig.write("SPH_SESSION", "77")
-        await rig.until_tau(plan_of(SIDES).duration_s - 1e-6)
+        await rig.until_driven()
         rig.write("SPH_CMD", "0")
 
     ended = run(script)
