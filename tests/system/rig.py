@@ -180,9 +180,9 @@ class Rig:
         await self.until(lambda: self.tau >= tau_s)
 
     async def until_driven(self) -> None:
-        """Wait until the arm has passed the last knot, as its program counts."""
+        """Wait until the arm's program has ended the motion."""
         variables = self.emulated.controller.store
-        await self.until(lambda: 0 < variables.get("SPH_LAST") == variables.get("SPH_DONE"))
+        await self.until(lambda: variables.get("SPH_STATUS") == variables.get("SPH_STATUS_ENDED"))
 
     def torques(self) -> list[int]:
         """Torque Enable of the three servos, as it is."""

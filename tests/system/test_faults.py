@@ -20,7 +20,6 @@ from tests.system.rig import (
     at,
     crank_errors_deg,
     ends_in_peace,
-    plan_of,
     run,
 )
 

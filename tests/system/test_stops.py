@@ -84,6 +84,8 @@ def test_a_stop_while_the_robot_settles_finds_the_plan_completed() -> None:
     async def script(rig: Rig) -> None:
         await rig.until_tau(1.3)
         await rig.until_driven()
+        # The state of the next cycle says so, and the daemon's next look finds it.
+        await asyncio.sleep(0.03)
         rig.stop.set()
 
     ended = run(script)
