@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from sphmctl.emulators.interpreter import Interpreters
 from sphmctl.emulators.interpreter import Panel as Safety
 from sphmctl.emulators.motion import Mover
@@ -70,7 +72,7 @@ class Panel:
 
     @program_state.setter
     def program_state(self, state: str) -> None:
-        keys = {
+        keys: dict[str, Callable[[], object]] = {
             "P_STOP": self._krc.stop,
             "P_ACTIVE": self._krc.start,
             "P_RESET": self._krc.reset,

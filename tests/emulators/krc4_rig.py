@@ -51,7 +51,8 @@ class Rig:
         self.world.advance()
         state = self.controller.store.get("SPH_STATE")
         assert isinstance(state, dict)
-        return state[field]
+        value: Value = state[field]
+        return value
 
     def session(self, number: int = 1) -> None:
         """Begin a session and wait until it is taken."""
