@@ -17,7 +17,7 @@ def test_how_often_somebody_reads_changes_nothing() -> None:
             rig.read("$AXIS_ACT")
             rig.read("SPH_STATE")
             if (elapsed_ms + look_every_ms) % 40 == 0:
-                rig.write("SPH_BEAT", str(elapsed_ms))
+                rig.write("SPH_BEAT", str(elapsed_ms + look_every_ms))
         return rig.truth
 
     assert run(1) == run(20) == run(40)
