@@ -232,6 +232,7 @@ def test_two_virtual_runs_with_the_firmware_are_alike() -> None:
     assert first.rig.events.history == second.rig.events.history
 
 
+@pytest.mark.realtime
 def test_a_dry_run_in_real_time_goes_through_the_boards_pseudo_terminal(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text(SHORT_PATH)
@@ -249,6 +250,7 @@ def test_a_dry_run_in_real_time_goes_through_the_boards_pseudo_terminal(tmp_path
     }
 
 
+@pytest.mark.realtime
 def test_an_emulator_with_a_board_serves_another_process(tmp_path: Path) -> None:
     link = tmp_path / "wrist"
     process = start("emulate", "--board", "simulated", "--wrist-link", str(link))
@@ -281,6 +283,7 @@ def kill_simulator_of(process_id: int) -> None:
     os.kill(simulator, signal.SIGKILL)
 
 
+@pytest.mark.realtime
 def test_an_emulator_whose_simulator_dies_ends_with_a_sentence(tmp_path: Path) -> None:
     process = start("emulate", "--board", "simulated", "--wrist-link", str(tmp_path / "wrist"))
     line_of(process)
@@ -289,6 +292,7 @@ def test_an_emulator_whose_simulator_dies_ends_with_a_sentence(tmp_path: Path) -
     assert (code, err.splitlines()[1:]) == (5, [DIED])
 
 
+@pytest.mark.realtime
 def test_a_run_whose_simulator_dies_ends_with_a_sentence_and_its_record(tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     process = start(
