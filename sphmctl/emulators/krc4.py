@@ -116,6 +116,9 @@ class Controller:
             self.arm.override = override / 100.0 if isinstance(override, int) else 0.0
             if self.program is not None:
                 self.program.tick(self.timer_ms())
+            if self.panel.program_state == "P_STOP":
+                # Whatever the program has begun: its interpreter stands.
+                self.arm.hold()
 
     def emergency_stop(self) -> None:
         """Press the emergency stop: STOP 1, so on the path, then drives off."""
@@ -151,6 +154,64 @@ class Controller:
         panel.stop_message = False
         if panel.program_state == "P_STOP":
             panel.program_state = "P_ACTIVE"
+
+    @property
+    def world_s(self) -> float:
+        """Time since the start."""
+        return (self._world.index - self._begin) * STEP_US / 1e6
+
+    def control(self, command: str, interpreter: int) -> bool:
+        """Press a key of an interpreter, 0 the submit's, 1 the robot's; False when it refuses.
+
+        Args:
+            command: "reset", "start", "stop" or "cancel". A running program refuses "reset" and
+                "cancel", and the robot's "start" needs drives and no stop message.
+            interpreter: 0 or 1.
+        """
+        if interpreter not in (0, 1):
+            return False
+        panel = self.panel
+        state = panel.submit_state if interpreter == 0 else panel.program_state
+        if state == "P_FREE" or (command in ("reset", "cancel") and interpreter and self._driven):
+            return False
+        after = {"reset": "P_RESET", "start": "P_ACTIVE", "stop": "P_STOP", "cancel": "P_FREE"}
+        if interpreter == 0:
+            panel.submit_state = after[command]
+            return True
+        if command == "start" and (not panel.drives or panel.stop_message):
+            return False
+        if command == "stop" and state != "P_ACTIVE":
+            return False
+        panel.program_state = after[command]
+        if command in ("reset", "cancel"):
+            self.arm.drop()
+            if self.program is not None:
+                self.program.restart()
+        if command == "cancel":
+            panel.program = ""
+        return True
+
+    def select(self, name: str, *, force: bool = False) -> bool:
+        """Select a program by its module's name; `force` cancels a selected one that stands."""
+        module = name.replace("\\", "/").rpartition("/")[2].upper().removesuffix(".SRC")
+        panel = self.panel
+        if not self.options.installed or module != self.options.program.upper():
+            return False
+        if panel.program_state != "P_FREE" and not (force and self.control("cancel", 1)):
+            return False
+        panel.program, panel.program_state = self.options.program, "P_RESET"
+        return True
+
+    def confirm_messages(self) -> bool:
+        """Acknowledge every message; what still has its cause stays."""
+        panel = self.panel
+        if panel.alarm_stop and panel.user_saf:
+            panel.stop_message = False
+        return True
+
+    @property
+    def _driven(self) -> bool:
+        return self.panel.program_state == "P_ACTIVE" or self.arm.moving
 
     def _stop_by_safety(self) -> None:
         self._stopped = True

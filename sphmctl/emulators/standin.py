@@ -141,6 +141,11 @@ class Program:
             self._drive(CMD_RUN, time_ms - self._beat_ms)
         self._publish(time_ms)
 
+    def restart(self) -> None:
+        """Begin at the program's first line: no session, no knots."""
+        self._waiting.clear()
+        self._status, self._fault, self._stopping = STATUS_IDLE, FAULT_NONE, False
+
     def _may_begin(self) -> bool:
         commanded = self._status == STATUS_READY and self._int("SPH_CMD") == CMD_RUN
         return commanded and self._wrist() != WRIST_OFF
@@ -244,6 +249,8 @@ class Program:
 
     def _publish(self, time_ms: int) -> None:
         panel, moving = self._panel, self._arm.moving
+        if panel.submit_state != "P_ACTIVE":
+            return
         self._store.put(
             "SPH_STATE",
             {
