@@ -96,7 +96,7 @@ class Session:
             if isinstance(result, BaseException):
                 await self.close()
                 raise result
-        self._events.add("connected", server=self._arm.flavour)
+        self._events.add("connected")
 
     async def close(self) -> None:
         """Close both devices; may be called again."""

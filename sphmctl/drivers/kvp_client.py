@@ -193,11 +193,8 @@ class KvpClient:
 
     async def _is_c3(self) -> bool:
         """Whether C3 Bridge's functions may be used; asked with a read that every server has."""
-        try:
-            kind = await self.read("@PROXY_TYPE")
-            version = await self.read("@PROXY_VERSION") if kind == c3.TYPE else ""
-        except (kvp.VariableEmptyError, kvp.VariableRefusedError):
-            kind = version = ""
+        kind = await self._word("@PROXY_TYPE")
+        version = await self._word("@PROXY_VERSION") if kind == c3.TYPE else ""
         right = kind == c3.TYPE and c3.version(version) >= c3.FIRST_RIGHT_VERSION
         if not right and self._wanted == "c3":
             first = ".".join(str(part) for part in c3.FIRST_RIGHT_VERSION)
@@ -207,6 +204,13 @@ class KvpClient:
                 self._where,
             )
         return right
+
+    async def _word(self, name: str) -> str:
+        """What the server says of itself; empty where it does not know the word."""
+        try:
+            return await self.read(name)
+        except (kvp.VariableEmptyError, kvp.VariableRefusedError):
+            return ""
 
     async def _read_batch(self, names: Sequence[str]) -> list[str]:
         number = self._next_id()
