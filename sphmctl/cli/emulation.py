@@ -19,6 +19,7 @@ from sphmctl.emulators.board import Board, Mode
 from sphmctl.emulators.board import Options as BoardOptions
 from sphmctl.emulators.board_process import BoardError
 from sphmctl.emulators.cell import EmulatedCell, Setup, TruthSink
+from sphmctl.emulators.kvp_server import FlavourName
 from sphmctl.errors import DeviceError, UsageError
 from sphmctl.wire.board_table import BOARD_ID
 
@@ -54,6 +55,11 @@ def announce(cell: Cell) -> None:
     elif devices:
         real = "wrist" if devices == ("arm",) else "arm"
         say(f"EMULATED: the {devices[0]} is emulated, the {real} is real and will move")
+
+
+def flavour_of(cell: Cell) -> FlavourName:
+    """The variable server to emulate for a cell: C3 Bridge only where its file asks for that."""
+    return "c3" if cell.arm.flavour == "c3" else "kvp"
 
 
 def setup_of(cell: Cell) -> Setup:
@@ -137,7 +143,14 @@ async def open_devices(
     losses: list[DeviceError] = []
     mode: Mode = "held" if virtual else "paced"
     hardware = simulated_board(mode, on_lost=losses.append) if board == "simulated" else None
-    emulated = EmulatedCell(seed, setup_of(cell), latency=latency, truth=sink, board=hardware)
+    emulated = EmulatedCell(
+        seed,
+        setup_of(cell),
+        latency=latency,
+        flavour=flavour_of(cell),
+        truth=sink,
+        board=hardware,
+    )
     if virtual:
         arm = make_arm(cell, _memory(emulated.kvp.attach))
         wrist = make_wrist(cell, _memory(lambda end: emulated.attach_wrist(end, cell.wrist.baud)))

@@ -21,13 +21,17 @@ EXIT_DEVICE = 5
 
 def emulate(
     kvp_port: Annotated[
-        int, typer.Option(min=0, max=65535, help="TCP port of KUKAVARPROXY; 0: any free one.")
+        int,
+        typer.Option(min=0, max=65535, help="TCP port of the variable server; 0: any free one."),
     ] = 0,
     wrist_link: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="A symbolic link to set up for the servos' serial port."),
     ] = None,
-    flavour: Annotated[str, typer.Option(help="The server's flavour: kvp.")] = "kvp",
+    flavour: Annotated[
+        str,
+        typer.Option(help="The server's flavour: kvp (KUKAVARPROXY) or c3 (C3 Bridge)."),
+    ] = "kvp",
     latency: Annotated[
         str, typer.Option(help="Service times of the server: measured, or none.")
     ] = "measured",
@@ -53,13 +57,13 @@ def emulate(
     from sphmctl import clock
     from sphmctl.cli.emulation import board_kind
 
-    if flavour != "kvp":
-        raise UsageError(f"{flavour!r} is not available; this version serves kvp", "--flavour")
+    if flavour not in ("kvp", "c3"):
+        raise UsageError(f"{flavour!r}: give kvp or c3", "--flavour")
     if latency not in ("measured", "none"):
         raise UsageError(f"{latency!r}: give measured or none", "--latency")
     say("EMULATED: no robot will move")
     kind = board_kind(board)
-    clock.run(_emulate(cell_of(cell), kind, kvp_port, wrist_link, latency, seed, truth))
+    clock.run(_emulate(cell_of(cell), kind, kvp_port, wrist_link, flavour, latency, seed, truth))
     return 0
 
 
@@ -68,6 +72,7 @@ async def _emulate(
     board: BoardKind,
     kvp_port: int,
     wrist_link: Path | None,
+    flavour: str,
     latency: str,
     seed: int,
     truth: Path | None,
@@ -86,6 +91,7 @@ async def _emulate(
         seed,
         setup_of(cell),
         latency="none" if latency == "none" else "measured",
+        flavour="c3" if flavour == "c3" else "kvp",
         truth=None if rows is None else lambda t_s, joints: rows.row([t_s, *joints]),
         board=simulated_board("paced", wrist_link, lose) if board == "simulated" else None,
     )

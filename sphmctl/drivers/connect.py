@@ -9,7 +9,6 @@ from sphmctl.drivers.kvp_client import KvpClient
 from sphmctl.drivers.link import Link, LinkOpener, open_serial, open_tcp
 from sphmctl.drivers.servo_bus import ServoBus
 from sphmctl.drivers.wrist import CrankScale, Wrist
-from sphmctl.errors import DeviceError
 
 CONNECT_TIMEOUT_S = 5.0
 """To open a link: a controller on the same wire answers in milliseconds, an ARP in a second."""
@@ -17,19 +16,14 @@ CONNECT_TIMEOUT_S = 5.0
 
 def make_arm(cell: Cell, opener: LinkOpener | None = None) -> KukaArm:
     """The arm of a cell; `opener` replaces the TCP connection to its host."""
-    if cell.arm.flavour == "c3":
-        raise DeviceError(
-            "flavour is c3, whose own functions this version does not use; give auto, which speaks "
-            "to a C3 server as to KUKAVARPROXY",
-            "arm",
-        )
     host, port = cell.arm.host or "127.0.0.1", cell.arm.tcp_port
 
     async def connect() -> Link:
         return await open_tcp(host, port, CONNECT_TIMEOUT_S)
 
     where = f"controller {host}:{port}" if opener is None else "controller"
-    return KukaArm(KvpClient(opener or connect, where), where)
+    client = KvpClient(opener or connect, where, flavour=cell.arm.flavour)
+    return KukaArm(client, where)
 
 
 def make_wrist(cell: Cell, opener: LinkOpener | None = None) -> Wrist:

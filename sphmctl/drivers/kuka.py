@@ -29,6 +29,9 @@ SESSION_LIMIT = 1_000_000_000
 
 PROGRAM = "SPH_RUN"
 
+IDENTITY = ("$MODEL_NAME[]", "$KR_SERIALNO", "$PRO_NAME1[]", "$PRO_STATE1")
+"""What tells robot and program, in the order of `ArmIdentity`."""
+
 FROZEN_S = 0.12
 """SPH_STATE is refreshed each 12 ms; the same TIME for ten cycles is a picture, not the robot."""
 
@@ -101,14 +104,15 @@ class KukaArm:
         """Close the connection."""
         await self._client.close()
 
+    @property
+    def flavour(self) -> str:
+        """The variable server in use: "kvp" or "c3"."""
+        return self._client.flavour
+
     async def identity(self) -> ArmIdentity:
         """Which robot and program this is."""
-        return ArmIdentity(
-            model=_plain(await self._client.read("$MODEL_NAME[]")),
-            serial=await self._client.read("$KR_SERIALNO"),
-            program=_plain(await self._client.read("$PRO_NAME1[]")),
-            program_state=await self._client.read("$PRO_STATE1"),
-        )
+        model, serial, program, state = await self._client.read_many(IDENTITY)
+        return ArmIdentity(_plain(model), serial, _plain(program), state)
 
     async def read_axes(self) -> Floats:
         """$AXIS_ACT, rad, shape (6,): also without our program."""
@@ -185,9 +189,9 @@ class KukaArm:
         Raises:
             DeviceError: the program does not take the session in time.
         """
-        await self.command(krc.Command.IDLE)
-        await self._client.write(krc.WRITTEN, "0")
-        await self._client.write(krc.LAST, "0")
+        idle = (krc.COMMAND, str(int(krc.Command.IDLE)))
+        # Nothing moves before the session is written, so the order is free.
+        await self._client.write_many((idle, (krc.WRITTEN, "0"), (krc.LAST, "0")))
         session = (await self.read_state()).session % SESSION_LIMIT + 1
         await self._client.write(krc.SESSION, str(session))
         loop = asyncio.get_running_loop()
@@ -207,6 +211,9 @@ class KukaArm:
         self, sequence: int, joints: Floats, velocity: float, acceleration: float
     ) -> None:
         """Fill the slot of knot `sequence`; it counts once `publish` has named it.
+
+        Never in one request with `publish`: C3 Bridge goes on after a refused variable, and reads
+        each one again, which takes longer than two requests.
 
         Args:
             sequence: sequence number, from 1.

@@ -14,7 +14,7 @@ from sphmctl.emulators.board import Board
 from sphmctl.emulators.board_bus import BoardBus
 from sphmctl.emulators.board_host import BoardHost
 from sphmctl.emulators.controller import TICK_STEPS, Controller, Options
-from sphmctl.emulators.kvp_server import KvpServer, Latency
+from sphmctl.emulators.kvp_server import FlavourName, KvpServer, Latency
 from sphmctl.emulators.kvp_server import Pipe as KvpPipe
 from sphmctl.emulators.lines import Wiring
 from sphmctl.emulators.servo_bus import Pipe as WristPipe
@@ -56,7 +56,8 @@ class EmulatedCell:
     Args:
         seed: draws service times, the servos' lags, noise and phases; same seed, same cell.
         setup: how it is built.
-        latency: the KUKAVARPROXY server's service times, "measured" or "none".
+        latency: the variable server's service times, "measured" or "none".
+        flavour: which variable server it is, "kvp" or "c3".
         usb: the servos' USB adapter.
         pacing: whether the servo bus takes its wire time.
         truth: also told of each row of true joints.
@@ -71,6 +72,7 @@ class EmulatedCell:
         setup: Setup | None = None,
         *,
         latency: Latency = "measured",
+        flavour: FlavourName = "kvp",
         usb: Usb = "16u2",
         pacing: bool = True,
         truth: TruthSink | None = None,
@@ -86,7 +88,8 @@ class EmulatedCell:
             options or Options(start_deg=self.setup.arm_deg, lines=board is not None),
         )
         self.servos = tuple(self._servo(leg, random.Random(rng.random())) for leg in range(3))
-        self.kvp = KvpServer(self.controller, self.world, random.Random(rng.random()), latency)
+        draws = random.Random(rng.random())
+        self.kvp = KvpServer(self.controller, self.world, draws, latency, flavour=flavour)
         phase = random.Random(rng.random())
         self.bus = ServoBus(self.world, self.servos, phase, usb=usb, pacing=pacing)
         self.board = board

@@ -16,6 +16,7 @@ from sphmctl.emulators.interpreter.functions import axes_value
 from sphmctl.emulators.interpreter.values import Live
 from sphmctl.emulators.krc_files import controller_files
 from sphmctl.emulators.krc_hands import Panel
+from sphmctl.emulators.krc_keys import Keys
 from sphmctl.emulators.krc_lines import KNOT_OUTPUT, MOVING_OUTPUT, OK_INPUT, TerminalLines
 from sphmctl.emulators.motion import Event, Mover
 from sphmctl.emulators.motion import Options as MotionOptions
@@ -103,6 +104,7 @@ class Controller:
         arm: the arm.
         krc: both interpreters.
         panel: safety, drives, mode and program state, to be looked at and set.
+        keys: both interpreters' keys, for a server.
         lines: the lines to a board; None where they are not connected.
     """
 
@@ -122,6 +124,7 @@ class Controller:
         self.krc = Interpreters(files, self.arm, safety, self._time_s, self.timer_ms)
         self.store = self.krc.memory
         self.panel = Panel(self.krc, self.arm, safety)
+        self.keys = Keys(self.krc, self.arm)
         self._errors_deg = tuple(rng.gauss(0.0, MEASURING_ERROR_DEG) for _ in range(6))
         self.store.bind("$AXIS_ACT_MEAS", Live(self._measured))
         self.lines = self._connect() if self.options.lines else None
@@ -161,6 +164,11 @@ class Controller:
     def timer_ms(self) -> int:
         """`$ROB_TIMER` of the present world step."""
         return TIMER_START_MS - START_UP_MS + self._now_ms
+
+    @property
+    def world_s(self) -> float:
+        """Time since the start."""
+        return (self._world.index - self._begin) * STEP_US / 1e6
 
     def true_joints_deg(self) -> Joints:
         """The six joints as they are at the world's last step."""

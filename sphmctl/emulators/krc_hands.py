@@ -66,6 +66,11 @@ class Panel:
         self._arm.mode = mode
 
     @property
+    def program(self) -> str:
+        """`$PRO_NAME1[]`."""
+        return self._krc.name
+
+    @property
     def program_state(self) -> str:
         """`$PRO_STATE1`; to set it presses stop, start, reset or deselect."""
         return self._krc.state

@@ -1,8 +1,9 @@
-"""The network side of the emulated controller: a KUKAVARPROXY server, quirks included.
+"""The network side of the emulated controller: a variable server of either flavour, with quirks.
 
-Connections, one queue for all of them, and time; frames and their meaning are elsewhere. Behaviour
-after ImtsSrl/KUKAVARPROXY, src/frmMain.frm (release of 2019). Not modelled: UDP discovery, and its
-count of clients that may drift after a rejected one.
+Connections, one queue for all of them, and time; frames and their meaning are the flavour's.
+Behaviour after ImtsSrl/KUKAVARPROXY, src/frmMain.frm (release of 2019), and ulsu-tech/
+c3bridge-server, source/client.cpp (1.4.0). Not modelled: UDP discovery, and KUKAVARPROXY's count
+of clients that may drift after a rejected one.
 """
 
 from __future__ import annotations
@@ -14,26 +15,21 @@ from collections.abc import Callable
 from typing import Literal, Protocol
 
 from sphmctl.emulators.controller import Controller
-from sphmctl.emulators.kvp_frames import Request, framed, requests
-from sphmctl.emulators.kvp_service import UnansweredError, execute, service_s
+from sphmctl.emulators.kvp_c3 import C3
+from sphmctl.emulators.kvp_flavour import Flavour, HangUpError, Job, UnansweredError
+from sphmctl.emulators.kvp_service import Kvp
 from sphmctl.emulators.world import World
 
-CLIENTS_LIMIT = 10
-"""`g_nMaxClients`; one more is accepted and closed at once."""
-
-IDLE_LIMIT_S = 30.0
-"""`lTimeOutRequest`: a client without a request for longer is closed."""
-
 IDLE_CHECK_S = 1.0
-"""Interval of the server's timer that looks for idle clients."""
+"""Interval of KUKAVARPROXY's timer that looks for idle clients; C3 Bridge's is taken as the same.
+"""
 
-EVENT_LIMIT = 2048
-"""Bytes that one read event takes from the socket: `Read(strBuffer, 2048)`."""
-
-INBOX_LIMIT = 65536
-"""Bytes that a socket keeps for a busy server; a client that sends more unasked is cut off here."""
+INBOX_LIMIT = 4 + 0xFFFF
+"""Bytes that a socket keeps for a busy server, the longest message of C3 Bridge; a client that
+sends more unasked is cut off here."""
 
 Latency = Literal["measured", "none"]
+FlavourName = Literal["kvp", "c3"]
 
 
 class Pipe(Protocol):
@@ -56,11 +52,13 @@ class _Client:
         self.write = write
         self.close = close
         self.inbox = b""
+        self.queued = False
+        self.sending = False
         self.heard_s = 0.0
 
 
 class KvpServer:
-    """A KUKAVARPROXY in front of one controller; made inside the running loop.
+    """A variable server in front of one controller; made inside the running loop.
 
     Args:
         controller: whose variables it shows.
@@ -69,6 +67,7 @@ class KvpServer:
         latency: "measured", or "none" for replies within the call that brings the request.
         discard_while_busy: forget what arrives while another request is inside the controller, as
             the source says ("Reading pending") and no measurement has shown.
+        flavour: "kvp", "c3", or one with settings of its own.
     """
 
     def __init__(
@@ -79,19 +78,22 @@ class KvpServer:
         latency: Latency = "measured",
         *,
         discard_while_busy: bool = False,
+        flavour: FlavourName | Flavour = "kvp",
     ) -> None:
-        self._store = controller.store
+        if flavour == "kvp":
+            flavour = Kvp(controller.store, rng)
+        elif flavour == "c3":
+            flavour = C3(controller, rng)
+        self._flavour: Flavour = flavour
         self._world = world
-        self._rng = rng
         self._instant = latency == "none"
         self._discard = discard_while_busy
         self._loop = asyncio.get_running_loop()
         self._start_s = self._loop.time()
         self._clients: set[_Client] = set()
         self._queue: deque[_Client] = deque()
-        self._event: deque[Request] = deque()
+        self._event: deque[Job] = deque()
         self._present: _Client | None = None
-        self._last_body = b""
         self._busy = False
         self._service: asyncio.TimerHandle | None = None
         self._idle_check: asyncio.TimerHandle | None = None
@@ -139,7 +141,7 @@ class KvpServer:
 
     def accept(self, write: Callable[[bytes], None], close: Callable[[], None]) -> _Client | None:
         """A new connection; None when there are too many, and it was closed."""
-        if len(self._clients) >= CLIENTS_LIMIT:
+        if len(self._clients) >= self._flavour.clients_limit:
             close()
             return None
         client = _Client(write, close)
@@ -153,13 +155,14 @@ class KvpServer:
         """Bytes from a client: they wait in its socket until the server reads them."""
         if client not in self._clients or (self._busy and self._discard):
             return
-        waiting = bool(client.inbox)
+        if client.sending and self._flavour.deaf_while_sending:
+            return
         client.inbox += data
+        client.heard_s = self._loop.time()
         if len(client.inbox) > INBOX_LIMIT:
             self._drop(client)
             return
-        if not waiting:
-            self._queue.append(client)
+        self._enqueue(client)
         if not self._busy:
             self._serve()
 
@@ -172,12 +175,17 @@ class KvpServer:
         self.lost(client)
         client.close()
 
+    def _enqueue(self, client: _Client) -> None:
+        if not client.queued:
+            client.queued = True
+            self._queue.append(client)
+
     def _serve(self) -> None:
         """Work on the queue until it is empty or a request takes its time."""
         self._busy = True
         while self._event or self._next_event():
             if not self._instant:
-                delay_s = service_s(self._store, self._event[0], self._rng)
+                delay_s = self._event[0].service_s()
                 self._service = self._loop.call_later(delay_s, self._serviced)
                 return
             self._finish()
@@ -192,31 +200,39 @@ class KvpServer:
         """Read once from the next client's socket; False when nobody waits."""
         while self._queue:
             client = self._queue.popleft()
-            event, client.inbox = client.inbox[:EVENT_LIMIT], client.inbox[EVENT_LIMIT:]
-            if client.inbox:
-                self._queue.append(client)
+            client.queued = False
+            if client not in self._clients:
+                continue
+            jobs, client.inbox, again, hang_up = self._flavour.take(client.inbox)
+            if hang_up:
+                self._drop(client)
+                continue
+            if again:
+                self._enqueue(client)
             client.heard_s = self._loop.time()
-            self._event.extend(requests(event))
-            self._present, self._last_body = client, b""
+            self._event.extend(jobs)
+            self._present = client
             if self._event:
                 return True
         return False
 
     def _finish(self) -> None:
-        """Access the variable now, and answer."""
-        request, client = self._event.popleft(), self._present
+        """Access the variables now, and answer."""
+        job, client = self._event.popleft(), self._present
         self._world.advance()
         try:
-            body = execute(self._store, request)
+            reply = job.run()
         except UnansweredError:
             self._event.clear()
             return
-        # Its answer variable still holds the reply before, or nothing at the start of an event.
-        body = self._last_body if body is None else body
-        self._last_body = framed(request.id, body)
+        except HangUpError:
+            self._event.clear()
+            if client is not None and client in self._clients:
+                self._drop(client)
+            return
         if client is not None and client in self._clients:
             client.heard_s = self._loop.time()
-            client.write(self._last_body)
+            client.write(reply)
 
     def _plan_idle_check(self) -> None:
         passed_s = self._loop.time() - self._start_s
@@ -228,7 +244,9 @@ class KvpServer:
         self._idle_check = None
         now_s = self._loop.time()
         for client in tuple(self._clients):
-            if now_s - client.heard_s > IDLE_LIMIT_S:
+            begun = bool(client.inbox)
+            limit_s = self._flavour.message_limit_s if begun else self._flavour.idle_limit_s
+            if now_s - client.heard_s > limit_s:
                 self._drop(client)
         if self._clients:
             self._plan_idle_check()
@@ -243,6 +261,8 @@ class _TcpClient(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         if isinstance(transport, asyncio.Transport):
+            # Every byte that the system does not take at once counts as not yet sent.
+            transport.set_write_buffer_limits(high=0)
             self._client = self._server.accept(transport.write, transport.close)
 
     def data_received(self, data: bytes) -> None:
@@ -252,3 +272,11 @@ class _TcpClient(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         if self._client is not None:
             self._server.lost(self._client)
+
+    def pause_writing(self) -> None:
+        if self._client is not None:
+            self._client.sending = True
+
+    def resume_writing(self) -> None:
+        if self._client is not None:
+            self._client.sending = False

@@ -1,4 +1,4 @@
-"""What one KUKAVARPROXY request does to the controller's variables, and how long it takes.
+"""The flavour `kvp`: what KUKAVARPROXY makes of a read event, does to variables, how long it takes.
 
 Not responsible for connections. Service times: percentiles of the raw samples of
 ivareri/KUKAVARPROXY_tests (KR 16, 2018; C++ client, one connection), which have two peaks.
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from sphmctl.emulators.krl_text import Struct, Type
+from sphmctl.emulators.kvp_flavour import Taken, UnansweredError
 from sphmctl.emulators.kvp_frames import (
     READ,
     READ_ARRAY,
@@ -19,7 +20,9 @@ from sphmctl.emulators.kvp_frames import (
     WRITE_ARRAY,
     Request,
     answer,
+    framed,
     numbers,
+    requests,
     words,
 )
 
@@ -74,8 +77,69 @@ class Variables(Protocol):
         """Set a variable or a part of it; False when that is refused."""
 
 
-class UnansweredError(Exception):
-    """The server runs into an error of its own and forgets the rest of the read event."""
+CLIENTS_LIMIT = 10
+"""`g_nMaxClients`."""
+
+IDLE_LIMIT_S = 30.0
+"""`lTimeOutRequest`."""
+
+EVENT_LIMIT = 2048
+"""Bytes that one read event takes from the socket: `Read(strBuffer, 2048)`."""
+
+
+class Kvp:
+    """KUKAVARPROXY in front of a store of variables, as a `Flavour`."""
+
+    clients_limit = CLIENTS_LIMIT
+    idle_limit_s = IDLE_LIMIT_S
+    message_limit_s = IDLE_LIMIT_S
+    deaf_while_sending = False
+
+    def __init__(self, store: Variables, rng: random.Random) -> None:
+        self._store = store
+        self._rng = rng
+
+    def take(self, inbox: bytes) -> Taken:
+        """One read event: every request in it that the server finds."""
+        event, rest = inbox[:EVENT_LIMIT], inbox[EVENT_LIMIT:]
+        last = _Last()
+        jobs = (_Job(self._store, self._rng, request, last) for request in requests(event))
+        return Taken(tuple(jobs), rest, bool(rest))
+
+
+@dataclass
+class _Last:
+    """The server's answer variable within an event: it outlives a request without an answer."""
+
+    reply: bytes = b""
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One request of an event."""
+
+    store: Variables
+    rng: random.Random
+    request: Request
+    last: _Last
+
+    def service_s(self) -> float:
+        """The time that the server spends on it."""
+        return service_s(self.store, self.request, self.rng)
+
+    def run(self) -> bytes:
+        """Do it; an unknown function gets the reply before once more."""
+        body = execute(self.store, self.request)
+        self.last.reply = framed(self.request.id, self.last.reply if body is None else body)
+        return self.last.reply
+
+
+def access_s(store: Variables, name: str, rng: random.Random, *, write: bool) -> float:
+    """The time that one variable takes, network and controller together."""
+    stall_s = rng.uniform(*STALL_S) if rng.random() < STALL_PROBABILITY else 0.0
+    if not isinstance(store.kind_of(name), Struct):
+        return stall_s + SCALAR_S.draw(rng)
+    return stall_s + (AGGREGATE_WRITE_S if write else AGGREGATE_READ_S).draw(rng)
 
 
 def service_s(store: Variables, request: Request, rng: random.Random) -> float:
@@ -84,11 +148,7 @@ def service_s(store: Variables, request: Request, rng: random.Random) -> float:
         return PING_S
     if request.function == READ and request.name == "PING":
         return PING_S
-    stall_s = rng.uniform(*STALL_S) if rng.random() < STALL_PROBABILITY else 0.0
-    if not isinstance(store.kind_of(request.name), Struct):
-        return stall_s + SCALAR_S.draw(rng)
-    peaks = AGGREGATE_WRITE_S if request.function == WRITE else AGGREGATE_READ_S
-    return stall_s + peaks.draw(rng)
+    return access_s(store, request.name, rng, write=request.function == WRITE)
 
 
 def execute(store: Variables, request: Request) -> bytes | None:

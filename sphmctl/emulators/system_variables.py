@@ -50,6 +50,7 @@ class Panel:
     Attributes:
         mode: member of MODE_OP.
         program_state: member of PRO_STATE, of the robot interpreter.
+        submit_state: the same of the submit interpreter.
         drives: `$PERI_RDY`.
     """
 
@@ -58,6 +59,7 @@ class Panel:
     serial_number: int
     program: str
     program_state: str = "P_ACTIVE"
+    submit_state: str = "P_ACTIVE"
     mode: str = "EX"
     alarm_stop: bool = True
     user_saf: bool = True
@@ -137,6 +139,7 @@ def _declare_states(store: Store, panel: Panel, arm: Arm) -> None:
         store.declare(name, Bool(), source=source)
     store.declare("$MODE_OP", MODE_OP, source=lambda: panel.mode)
     store.declare("$PRO_STATE1", PRO_STATE, source=lambda: panel.program_state)
+    store.declare("$PRO_STATE0", PRO_STATE, source=lambda: panel.submit_state)
     store.declare("$PRO_STATE", PRO_STATE, source=lambda: panel.program_state)
     store.declare("$PRO_NAME1", Text(24), source=lambda: panel.program)
     brakes_open = (1 << 6) - 1
@@ -155,7 +158,6 @@ def _declare_settings(store: Store, panel: Panel) -> None:
     percent = Int(0, 100)
     store.declare("$OV_PRO", percent, 100, writable=True)
     store.declare("$OV_JOG", percent, 10, writable=True)
-    store.declare("$PRO_STATE0", PRO_STATE, "P_ACTIVE")
     store.declare("$PRO_MODE1", PRO_MODE, "GO")
     store.declare("$SAFETY_SW", SWITCH, "RELEASED")
     store.declare("$ADVANCE", Int(0, 5), 3)

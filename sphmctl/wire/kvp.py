@@ -57,23 +57,30 @@ class VariableEmptyError(DeviceError):
 
 
 class Reply(NamedTuple):
-    """One reply as it came, not yet compared with its request. To make a dataclass takes thrice."""
+    """One reply as it came, not yet compared with its request. To make a dataclass takes thrice.
+
+    Attributes:
+        code: the error code of c3.py's replies, whose values stand in `items` instead.
+        items: error code and value of each variable.
+    """
 
     request_id: int
     function: int
     value: str
     ok: bool
+    code: int = 0
+    items: tuple[tuple[int, str], ...] = ()
 
 
 def encode_read(request_id: int, name: str) -> bytes:
     """One frame that reads a variable."""
-    _check_id(request_id, name)
+    check_id(request_id, name)
     return request_id.to_bytes(2, "big") + _read_after_id(name)
 
 
 def encode_write(request_id: int, name: str, value: str) -> bytes:
     """One frame that writes KRL text into a variable."""
-    _check_id(request_id, name)
+    check_id(request_id, name)
     text = _encode_name(name)
     content = _encode_value(name, value)
     length = len(text) + len(content) + 5
@@ -157,14 +164,7 @@ def reply_to_value(reply: Reply, request_id: int, function: int, name: str) -> s
         VariableRefusedError: the controller refused.
         VariableEmptyError: a read came back done but empty.
     """
-    if reply.request_id != request_id:
-        raise KvpProtocolError(
-            f"reply with id {reply.request_id}; {request_id} would be right", where=name
-        )
-    if reply.function != function:
-        raise KvpProtocolError(
-            f"reply to function {reply.function}; {function} would be right", where=name
-        )
+    check_answers(reply, request_id, function, name)
     if not reply.ok:
         raise VariableRefusedError(
             f"the controller refused to {_FUNCTION_NAMES[function]} it; "
@@ -173,12 +173,29 @@ def reply_to_value(reply: Reply, request_id: int, function: int, name: str) -> s
         )
     value = reply.value.strip()
     if function == READ and not value:
-        raise VariableEmptyError(
-            "the controller returned no value; a declared variable that has been given one "
-            "would be right",
-            where=name,
-        )
+        raise empty(name)
     return value
+
+
+def check_answers(reply: Reply, request_id: int, function: int, where: str) -> None:
+    """Refuse a reply to another request than this one."""
+    if reply.request_id != request_id:
+        raise KvpProtocolError(
+            f"reply with id {reply.request_id}; {request_id} would be right", where
+        )
+    if reply.function != function:
+        raise KvpProtocolError(
+            f"reply to function {reply.function}; {function} would be right", where
+        )
+
+
+def empty(name: str) -> VariableEmptyError:
+    """The error of a read that came back done, but without a value."""
+    return VariableEmptyError(
+        "the controller returned no value; a declared variable that has been given one "
+        "would be right",
+        where=name,
+    )
 
 
 @lru_cache(maxsize=CACHED_NAMES)
@@ -188,23 +205,33 @@ def _read_after_id(name: str) -> bytes:
     return _READ.pack(len(text) + 3, READ, len(text)) + text
 
 
-def _check_id(request_id: int, name: str) -> None:
+def check_id(request_id: int, name: str) -> None:
+    """Refuse a number that does not fit the id."""
     if not 0 <= request_id <= MAX_REQUEST_ID:
         raise InvalidError(f"request id {request_id}; 0 to {MAX_REQUEST_ID} would be right", name)
 
 
-def _encode_name(name: str) -> bytes:
-    """KRL names are ASCII (KUKA, KSS System Integrators, "Names in KRL")."""
+def checked_name(name: str) -> str:
+    """The name; KRL names are ASCII (KUKA, KSS System Integrators, "Names in KRL")."""
     if not (name and name.isascii() and name.isprintable()):
         raise InvalidError(f"variable name {name!r}; printable ASCII text would be right")
-    return name.encode("ascii")
+    return name
+
+
+def checked_value(name: str, value: str) -> str:
+    """The value of a variable of this name, if it is one line of text."""
+    if not (value and value.isprintable()):
+        raise InvalidError(f"value {value!r}; printable text on one line would be right", name)
+    return value
+
+
+def _encode_name(name: str) -> bytes:
+    return checked_name(name).encode("ascii")
 
 
 def _encode_value(name: str, value: str) -> bytes:
-    if not (value and value.isprintable()):
-        raise InvalidError(f"value {value!r}; printable text on one line would be right", name)
     try:
-        return value.encode("latin-1")
+        return checked_value(name, value).encode("latin-1")
     except UnicodeEncodeError:
         raise InvalidError(
             f"value {value!r}; characters of Latin-1 only would be right", name

@@ -54,6 +54,27 @@ def test_both_drivers_reach_their_devices_over_real_links() -> None:
     clock.run(main())
 
 
+@pytest.mark.parametrize("flavour", ["auto", "c3"])
+def test_a_c3_bridge_is_reached_over_tcp(flavour: str) -> None:
+    async def main() -> None:
+        emulated = EmulatedCell(1, latency="none", flavour="c3")
+        port, device = await emulated.serve()
+        cell = _cell(port, device)
+        arm = make_arm(
+            cell.model_copy(update={"arm": cell.arm.model_copy(update={"flavour": flavour})})
+        )
+        try:
+            await arm.connect()
+            assert arm.flavour == "c3"
+            assert (await arm.identity()).program == "SPH_RUN"
+            assert np.degrees(await arm.read_axes()) == pytest.approx(Setup().arm_deg, abs=1e-3)
+        finally:
+            await arm.close()
+            await emulated.close()
+
+    clock.run(main())
+
+
 def test_errors_name_host_and_port() -> None:
     async def main() -> None:
         emulated = EmulatedCell(1)

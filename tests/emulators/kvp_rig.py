@@ -8,7 +8,8 @@ from collections.abc import Awaitable, Callable
 
 from sphmctl.clock import run
 from sphmctl.emulators.controller import Controller
-from sphmctl.emulators.kvp_server import KvpServer, Latency
+from sphmctl.emulators.kvp_flavour import Flavour
+from sphmctl.emulators.kvp_server import FlavourName, KvpServer, Latency
 from sphmctl.emulators.world import World
 
 
@@ -58,7 +59,12 @@ def frame(request_id: int, function: int, *blocks: bytes) -> bytes:
 class Cell:
     """A controller and its server inside the running loop."""
 
-    def __init__(self, latency: Latency, discard_while_busy: bool) -> None:
+    def __init__(
+        self,
+        latency: Latency,
+        discard_while_busy: bool,
+        flavour: FlavourName | Callable[[Controller], Flavour],
+    ) -> None:
         self.world = World(asyncio.get_running_loop().time)
         self.controller = Controller(self.world, random.Random(5))
         self.server = KvpServer(
@@ -67,6 +73,7 @@ class Cell:
             random.Random(6),
             latency,
             discard_while_busy=discard_while_busy,
+            flavour=flavour(self.controller) if callable(flavour) else flavour,
         )
 
     def client(self) -> Client:
@@ -79,11 +86,12 @@ def on_cell(
     story: Callable[[Cell], Awaitable[None]],
     latency: Latency = "none",
     discard_while_busy: bool = False,
+    flavour: FlavourName | Callable[[Controller], Flavour] = "kvp",
 ) -> None:
     """Run a story on a cell of its own, on the virtual clock."""
 
     async def main() -> None:
-        cell = Cell(latency, discard_while_busy)
+        cell = Cell(latency, discard_while_busy, flavour)
         await story(cell)
         await cell.server.close()
 

@@ -25,6 +25,7 @@ from sphmctl.drivers.link import Link, MemoryLink
 from sphmctl.drivers.wrist import Wrist
 from sphmctl.emulators.cell import EmulatedCell, Setup
 from sphmctl.emulators.controller import Options
+from sphmctl.emulators.kvp_server import FlavourName
 from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats, Plan
 from sphmctl.pathfile import load_path
@@ -138,10 +139,11 @@ class Rig:
         setup: Setup | None = None,
         options: Options | None = None,
         board: BoardKind = "none",
+        flavour: FlavourName = "kvp",
     ) -> None:
         self.loop = asyncio.get_running_loop()
         hardware = simulated_board("held") if board == "simulated" else None
-        self.emulated = EmulatedCell(seed, setup, options=options, board=hardware)
+        self.emulated = EmulatedCell(seed, setup, options=options, board=hardware, flavour=flavour)
         self.kvp = Wire(self.emulated.kvp.attach)
         self.bus = Wire(lambda end: self.emulated.attach_wrist(end, 1_000_000))
         self.cell: Cell = with_board(emulated_cell(), board)
@@ -294,12 +296,13 @@ def run(
     setup: Setup | None = None,
     options: Options | None = None,
     board: BoardKind = "none",
+    flavour: FlavourName = "kvp",
 ) -> Ended:
     """Drive a path while `script` does something to the cell."""
 
     async def main() -> Ended:
         before = asyncio.all_tasks()
-        rig = Rig(seed, setup, options, board)
+        rig = Rig(seed, setup, options, board, flavour)
         task = None if script is None else asyncio.ensure_future(script(rig))
         try:
             outcome = await rig.play(plan_of(path))

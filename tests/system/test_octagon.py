@@ -81,10 +81,10 @@ def tool_error_mm(plan_t: Floats, plan: Floats, points: Floats) -> float:
     return worst
 
 
-def run_octagon(folder: Path, seed: int, capsys: pytest.CaptureFixture[str]) -> Path:
+def run_octagon(folder: Path, seed: int, capsys: pytest.CaptureFixture[str], *more: str) -> Path:
     code = main.run(
         ["run", str(OCTAGON), "--dry-run", "--virtual", "--json"]
-        + ["--seed", str(seed), "--runs-dir", str(folder)]
+        + ["--seed", str(seed), "--runs-dir", str(folder), *more]
     )
     summary = json.loads(capsys.readouterr().out)
     assert code == 0, summary

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from sphmctl.emulators.interpreter.code import Code
 from sphmctl.emulators.interpreter.data_lists import (
     load_lists,
     load_predefined,
@@ -152,14 +153,24 @@ class Interpreters:
 
     # Keys.
 
+    def selectable(self, name: str) -> bool:
+        """Whether there is a program of that name that takes no parameters."""
+        return self._program(name) is not None
+
+    def _program(self, name: str) -> Code | None:
+        code = self.memory.globals.routines.get(name.upper())
+        if code is None or code.parameters or code.name != code.module:
+            return None
+        return code
+
     def select(self, name: str) -> None:
         """Select a program; its first motion is a BCO run.
 
         Raises:
-            KeyError: there is no such program, or it takes parameters.
+            KeyError: it is not selectable.
         """
-        code = self.memory.globals.routines.get(name.upper())
-        if code is None or code.parameters or code.name != code.module:
+        code = self._program(name)
+        if code is None:
             raise KeyError(f"there is no program {name}")
         self._mover.select()
         self._drive.forget()
@@ -222,6 +233,23 @@ class Interpreters:
         """Stop the submit interpreter."""
         if self.submit_state == "P_ACTIVE":
             self._submit.machine.state = "P_STOP"
+
+    def press_submit(self, command: str) -> bool:
+        """Keys "start", "stop", "reset" and "cancel" of the submit interpreter; False: refused."""
+        machine = self._submit.machine
+        if machine.state == "P_FREE":
+            return False
+        if command == "start":
+            machine.state = "P_ACTIVE"
+        elif command == "stop":
+            self.stop_submit()
+        elif command == "cancel":
+            machine.unload()
+            self._submit.name = ""
+        else:
+            self.start_submit()
+            machine.state = "P_RESET"
+        return True
 
     def _command(self, text: str) -> bool:
         """CWRITE to $CMD by the submit interpreter."""
