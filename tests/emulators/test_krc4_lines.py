@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from sphmctl.emulators.controller import Options
-from sphmctl.emulators.lines import Lines
+from sphmctl.emulators.krc_lines import TerminalLines
 from tests.emulators.krc4_rig import ENDED, FAULT, HOME, READY, RUN, RUNNING, Rig, away
 
 FAULT_WRIST = 5
 NONE, OFF, ON = 0, 1, 2
 
 
-def connected() -> tuple[Rig, Lines]:
+def connected() -> tuple[Rig, TerminalLines]:
     """A controller with its lines, "wrist ok" on."""
     rig = Rig(Options(lines=True))
     lines = rig.controller.lines

@@ -10,30 +10,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sphmctl.emulators.controller import Options
-from sphmctl.emulators.krl_text import Bool, Enum, Int, Real, Struct, Text, real_text
-from sphmctl.emulators.system_variables import E6AXIS, E6POS
-from sphmctl.emulators.variables import Store
+from sphmctl.emulators.interpreter import Memory
+from sphmctl.emulators.krl_text import real_text
+from tests.emulators.interpreter.rig import Rig as Programs
+from tests.emulators.interpreter.rig import config
 from tests.emulators.krc4_rig import HOME, Rig, away
 
-BLOCK = Struct(
-    "KR_STATE_BLK",
-    (("AXIS_ACT", E6AXIS), ("OV_PRO", Int()), ("POWER_FAIL", Bool()), ("NAME", Text(8))),
-)
-COLOUR = Enum("COLOUR", ("RED", "BLUE"))
+DATA = """STRUC KR_STATE_BLK E6AXIS AXIS_ACT, INT OV_PRO, BOOL POWER_FAIL, CHAR NAME[8]
+ENUM COLOUR RED,BLUE
+INT N
+REAL R
+BOOL B
+DECL COLOUR C
+CHAR LABEL[4]
+E6POS P
+DECL KR_STATE_BLK BLK
+CONST INT FIXED=7
+"""
 
 
-def store() -> Store:
-    made = Store()
-    made.declare("N", Int(), writable=True)
-    made.declare("PERCENT", Int(0, 100), 50, writable=True)
-    made.declare("R", Real(), writable=True)
-    made.declare("B", Bool(), writable=True)
-    made.declare("C", COLOUR, writable=True)
-    made.declare("LABEL", Text(4), writable=True)
-    made.declare("P", E6POS, writable=True)
-    made.declare("BLK", BLOCK, writable=True)
-    made.declare("FIXED", Int(), 7)
-    return made
+def store() -> Memory:
+    return Programs(config(DATA)).memory
 
 
 # The texts are from public captures of KSS 8 controllers and from KUKA's own .dat files.
@@ -100,8 +97,8 @@ def test_a_right_value_is_taken_and_shown(name: str, text: str, shown: str) -> N
         ("N", ""),
         ("N", "1 2"),
         ("N", "TRUE"),
-        ("PERCENT", "101"),
-        ("PERCENT", "-1"),
+        ("$OV_PRO", "101"),
+        ("$OV_PRO", "-1"),
         ("R", "NaN"),
         ("R", "1E39"),
         ("R", "1,5"),
@@ -128,10 +125,10 @@ def test_a_right_value_is_taken_and_shown(name: str, text: str, shown: str) -> N
 def test_a_wrong_value_is_refused_and_changes_nothing(name: str, text: str) -> None:
     variables = store()
     variables.write_text("N", "1")
-    before = [variables.read_text(known) for known in ("N", "PERCENT", "R", "B", "C", "P", "BLK")]
+    names = ("N", "$OV_PRO", "R", "B", "C", "P", "BLK")
+    before = [variables.read_text(known) for known in names]
     assert not variables.write_text(name, text)
-    after = [variables.read_text(known) for known in ("N", "PERCENT", "R", "B", "C", "P", "BLK")]
-    assert after == before
+    assert [variables.read_text(known) for known in names] == before
     assert variables.read_text("FIXED") == "7"
 
 

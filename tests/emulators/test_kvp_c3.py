@@ -13,6 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sphmctl.emulators.interpreter.values import Cell as Box
+from sphmctl.emulators.krl_text import Array, Bool
 from sphmctl.emulators.kvp_c3 import C3
 from sphmctl.emulators.kvp_server import Latency
 from tests.emulators.kvp_rig import Cell, Client, frame, on_cell
@@ -129,10 +131,9 @@ def test_what_is_too_long_for_one_reply_is_an_error_of_many_and_ends_a_single_re
         client = cell.client()
         assert client.ask(message(6, b"\x02" + text("$OUT[]") * 2)) == "00 07 00 05 06 00 00 0a 00"
         assert not client.closed
-        for name in ("$IN", "$OUT"):
-            # 4096 times "FALSE " of two bytes each fit; with a longer list they would not.
-            cell.controller.store.put(name, [False] * 5600)
-        assert client.ask(message(4, text("$OUT[]"))) == ""
+        # 4096 times "FALSE " of two bytes each fit; a longer list does not.
+        cell.controller.store.bind("$LONG", Box([False] * 5600), Array(Bool(), 5600))
+        assert client.ask(message(4, text("$LONG[]"))) == ""
         assert client.closed
 
     on_c3(story)

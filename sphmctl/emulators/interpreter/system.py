@@ -18,7 +18,6 @@ from sphmctl.emulators.interpreter.operators import PLACE_PARTS, place_of
 from sphmctl.emulators.interpreter.panel import Panel
 from sphmctl.emulators.interpreter.signals import Terminals
 from sphmctl.emulators.interpreter.values import Live, is_set
-from sphmctl.emulators.krl_text import Int
 from sphmctl.emulators.motion import figures
 from sphmctl.emulators.motion.frames import NULL_FRAME
 from sphmctl.emulators.motion.kinematics import tool_centre
@@ -270,7 +269,14 @@ class System:
             put(name, dict.fromkeys("XYZABC", 0.0))
         put("$MODEL_NAME", panel.model_name)
         put("$ROBNAME", panel.robot_name)
-        numbers = {"$NUM_AX": 6, "$ADVANCE": 3, "$ACT_TOOL": 0, "$ACT_BASE": 0, "$RED_T1": 7}
+        numbers = {
+            "$NUM_AX": 6,
+            "$ADVANCE": 3,
+            "$ACT_TOOL": 0,
+            "$ACT_BASE": 0,
+            "$RED_T1": 7,
+            "$OV_JOG": 10,
+        }
         for name, number in (numbers | {"$KR_SERIALNO": panel.serial_number}).items():
             put(name, number)
         put("$MOT_TEMP", [MOTOR_TEMPERATURE_K] * AXES)
@@ -290,7 +296,6 @@ class System:
         lows = "$POWER_FAIL $IN_HOME $DRIVES_ON $EXT_START $CONF_MESS $STOPNOAPROX"
         for name in lows.split():
             put(name, False)
-        self._memory.bind("$OV_JOG", Live(lambda: 10), Int(0, 100))
 
 
 def _pointer(program: Program) -> dict[str, Any]:
