@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from sphmctl.emulators.interpreter import Interpreters
 from sphmctl.emulators.interpreter import Panel as Safety
 from sphmctl.emulators.interpreter.functions import axes_value
 from sphmctl.emulators.interpreter.values import Live
-from sphmctl.emulators.krc_files import controller_files
+from sphmctl.emulators.krc_files import controller_files, with_files
 from sphmctl.emulators.krc_hands import Panel
 from sphmctl.emulators.krc_keys import Keys
 from sphmctl.emulators.krc_lines import KNOT_OUTPUT, MOVING_OUTPUT, OK_INPUT, TerminalLines
@@ -66,6 +67,7 @@ class Options:
         program_version: what our program says of itself; None for what the files say.
         installed: whether our program and its variables are on the controller at all.
         lines: whether its lines to a board are connected.
+        modules: more KRL files on the controller; they take the place of others of their name.
         motion: how the arm moves.
     """
 
@@ -77,6 +79,7 @@ class Options:
     program_version: int | None = None
     installed: bool = True
     lines: bool = False
+    modules: tuple[Path, ...] = ()
     motion: MotionOptions = field(
         default_factory=lambda: MotionOptions(acceleration_deg_s2=ACCELERATION_DEG_S2)
     )
@@ -121,7 +124,8 @@ class Controller:
         )
         name = self.options.program.upper()
         files = controller_files(name, self.options.program_version, self.options.installed)
-        self.krc = Interpreters(files, self.arm, safety, self._time_s, self.timer_ms)
+        every = with_files(files, self.options.modules)
+        self.krc = Interpreters(every, self.arm, safety, self._time_s, self.timer_ms)
         self.store = self.krc.memory
         self.panel = Panel(self.krc, self.arm, safety)
         self.keys = Keys(self.krc, self.arm)

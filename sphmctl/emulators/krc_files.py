@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 
 from sphmctl.emulators.interpreter import submit_program
 from sphmctl.emulators.krl import nodes as n
-from sphmctl.emulators.krl.parse import parse
+from sphmctl.emulators.krl.parse import parse, read
 from sphmctl.emulators.krl.source import read_text
 
 SHIPPED = Path(__file__).parents[2] / "firmware" / "krc"
@@ -49,6 +50,19 @@ def controller_files(
     if program != OURS or not installed:
         found.append(parse(IDLE.format(name=program), f"{program.lower()}.src"))
     return tuple(found)
+
+
+def with_files(modules: Iterable[n.Module], paths: Iterable[Path]) -> tuple[n.Module, ...]:
+    """Modules beside which files were copied: a file takes the place of a module of its name.
+
+    Raises:
+        KrlError: a file is no KRL.
+        OSError: a file cannot be read.
+    """
+    copied = [read(path) for path in paths]
+    places = {(type(module), module.name) for module in copied}
+    kept = (module for module in modules if (type(module), module.name) not in places)
+    return (*kept, *copied)
 
 
 def _with_version(text: str, version: int | None) -> str:
