@@ -154,12 +154,14 @@ class Interpreters:
     # Keys.
 
     def selectable(self, name: str) -> bool:
-        """Whether there is a program of that name that takes no parameters."""
+        """Whether there is a program of that name: no function, and without parameters."""
         return self._program(name) is not None
 
     def _program(self, name: str) -> Code | None:
         code = self.memory.globals.routines.get(name.upper())
-        if code is None or code.parameters or code.name != code.module:
+        if code is None or code.result is not None or code.parameters:
+            return None
+        if code.name != code.module:
             return None
         return code
 

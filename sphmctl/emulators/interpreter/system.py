@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from functools import partial
 from typing import Any, Protocol
 
@@ -30,6 +31,9 @@ EXTERNAL_SPEED_STEP_S = 1e-3
 
 MOTOR_TEMPERATURE_K = 310
 """A motor of an arm that has been on for a while; load and warming are not modelled."""
+
+SWITCHED_ON = datetime(2026, 1, 1)
+"""$DATE where $ROB_TIMER is 0; any will do, and the host's own would make no two runs alike."""
 
 VELOCITIES = ("vel_cp_m_s", "vel_ori1_deg_s", "vel_ori2_deg_s")
 ACCELERATIONS = ("acc_cp_m_s2", "acc_ori1_deg_s2", "acc_ori2_deg_s2")
@@ -109,6 +113,7 @@ class System:
         self._mover = mover
         self._panel = panel
         self._look("$ROB_TIMER", timer_ms)
+        self._look("$DATE", lambda: _date(timer_ms()))
         self._bind_terminals(terminals)
         self._bind_motion()
         self._bind_state()
@@ -296,6 +301,13 @@ class System:
         lows = "$POWER_FAIL $IN_HOME $DRIVES_ON $EXT_START $CONF_MESS $STOPNOAPROX"
         for name in lows.split():
             put(name, False)
+
+
+def _date(timer_ms: int) -> dict[str, int]:
+    now = SWITCHED_ON + timedelta(milliseconds=timer_ms)
+    values = (now.microsecond // 10_000, now.second, now.minute, now.hour)
+    parts = ("CSEC", "SEC", "MIN", "HOUR", "DAY", "MONTH", "YEAR")
+    return dict(zip(parts, (*values, now.day, now.month, now.year), strict=True))
 
 
 def _pointer(program: Program) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import string
+import time
+from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -155,6 +157,50 @@ def test_words_at_random_are_parsed_or_refused(text: str, suffix: str) -> None:
 @given(st.text(max_size=200), st.sampled_from(["src", "dat"]))
 def test_any_text_is_parsed_or_refused(text: str, suffix: str) -> None:
     _parse_or_refuse(text, suffix)
+
+
+PROGRAMS = sorted(Path(__file__).with_name("programs").iterdir())
+
+LONGEST_S = 2.0
+"""Processor time in which any damaged program must be read; undamaged ones take some ms."""
+
+damages = st.lists(
+    st.tuples(
+        st.sampled_from(["drop", "double", "swap", "put", "cut"]),
+        st.integers(0, 10_000),
+        st.one_of(WORDS, st.text(max_size=3)),
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+def _damaged(parts: list[str], damage: list[tuple[str, int, str]]) -> list[str]:
+    for kind, number, text in damage:
+        at = number % max(1, len(parts))
+        if kind == "put":
+            parts[at:at] = [text]
+        elif kind == "drop":
+            del parts[at : at + 1]
+        elif kind == "double":
+            parts[at:at] = parts[at : at + 1]
+        elif kind == "swap":
+            parts[at : at + 2] = parts[at : at + 2][::-1]
+        else:
+            del parts[at:]
+    return parts
+
+
+@settings(max_examples=120, deadline=None)
+@given(st.sampled_from(PROGRAMS), st.booleans(), damages)
+def test_a_damaged_program_is_parsed_or_refused_soon(
+    path: Path, by_lines: bool, damage: list[tuple[str, int, str]]
+) -> None:
+    text = path.read_text(encoding="ascii")
+    parts = text.splitlines(keepends=True) if by_lines else list(text)
+    begin_s = time.process_time()
+    _parse_or_refuse("".join(_damaged(parts, damage)), path.suffix[1:])
+    assert time.process_time() - begin_s < LONGEST_S
 
 
 def _parse_or_refuse(text: str, suffix: str) -> None:
