@@ -36,12 +36,48 @@ REAL_SPEED_PERCENT = 10.0
 KVP_PORT = 7000
 """KUKAVARPROXY's default."""
 
+IO_NUMBERS = 4096
+"""$IN and $OUT of a KRC4 go from 1 to this."""
+
+CONSTANT_INPUTS = (1025, 1026)
+SYSTEM_OUTPUTS = range(993, 1024)
+"""What $machine.dat of a KR 6 R900 (KSS 8.3, Naqiu06/KUKA-Robotics) gives to the controller itself:
+inputs that are always TRUE and always FALSE, and the outputs of its states."""
+
 MACHINE_RANGES_DEG: Floats = np.degrees(sphm.RANGES9)
 MACHINE_SPEEDS_DEG_S: Floats = np.degrees(sphm.MAX_SPEED9)
 MACHINE_ACCELERATIONS_DEG_S2: Floats = np.degrees(sphm.MAX_ACCELERATION9)
 
 ROUNDING = 1e-9
 """Relative; 120 degrees by way of radians is not exactly 120."""
+
+
+class Lines(BaseModel):
+    """Numbers of the controller's digital lines to the board: an input and two outputs."""
+
+    model_config = STRICT
+    wrist_ok: Annotated[int, Field(ge=1, le=IO_NUMBERS)]
+    knot: Annotated[int, Field(ge=1, le=IO_NUMBERS)]
+    arm_moving: Annotated[int, Field(ge=1, le=IO_NUMBERS)]
+
+    @model_validator(mode="after")
+    def _check(self) -> Lines:
+        if self.wrist_ok in CONSTANT_INPUTS:
+            raise wrong(
+                f"$IN[{self.wrist_ok}] never changes on a KRC4; give the input that is wired",
+                "wrist_ok",
+            )
+        for key in ("knot", "arm_moving"):
+            number = getattr(self, key)
+            if number in SYSTEM_OUTPUTS:
+                raise wrong(
+                    f"$OUT[{number}] is the controller's own ({SYSTEM_OUTPUTS[0]} to "
+                    f"{SYSTEM_OUTPUTS[-1]}); give the output that is wired",
+                    key,
+                )
+        if self.knot == self.arm_moving:
+            raise wrong(f"$OUT[{self.knot}] cannot be both 'knot' and 'arm_moving'", "knot")
+        return self
 
 
 class Arm(BaseModel):
@@ -52,6 +88,7 @@ class Arm(BaseModel):
     host: Annotated[str, Field(min_length=1, max_length=255)] | None = None
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
     flavour: Literal["auto", "kvp", "c3"] = "auto"
+    lines: Lines | None = None
     model: Literal["KR6R900"] = "KR6R900"
 
     @model_validator(mode="after")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import zlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -40,23 +43,6 @@ def statements(file: str) -> list[str]:
 
 def numbers_of_document() -> dict[str, int]:
     return {name: int(cells[0]) for name, cells in tables()["Numbers"].items()}
-
-
-def numbers_of_daemon() -> dict[str, int]:
-    numbers = {
-        "VERSION": krc.VERSION,
-        "RING": krc.RING,
-        "LATE_MS": krc.LATE_MS,
-        "LOST_MS": krc.LOST_MS,
-    }
-    for prefix, members in (
-        ("CMD", krc.Command),
-        ("STATUS", krc.Status),
-        ("FAULT", krc.Fault),
-        ("WRIST", krc.Wrist),
-    ):
-        numbers |= {f"{prefix}_{member.name}": member.value for member in members}
-    return numbers
 
 
 def numbers_of_data_list() -> dict[str, int]:
@@ -106,8 +92,36 @@ def aggregate(text: str) -> dict[str, str]:
 def test_the_numbers_are_the_same_in_document_daemon_and_data_list() -> None:
     document = numbers_of_document()
     assert len(document) == 24
-    assert numbers_of_daemon() == document
-    assert numbers_of_data_list() == document
+    assert list(krc.NUMBERS.items()) == list(document.items())
+    assert {n: v for n, v in numbers_of_data_list().items() if n != "CHECK"} == document
+
+
+def test_the_checksum_is_that_of_the_documents_tables_everywhere() -> None:
+    found = tables()
+    lines = [f"{name}={cells[0]}" for name, cells in found["Numbers"].items()]
+    for title in ("Variables", krc.KNOT_TYPE, krc.STATE_TYPE):
+        lines += [f"{name}:{cells[0]}" for name, cells in found[title].items()]
+    check = zlib.crc32("\n".join(lines).encode()) % 2**31
+    assert check == krc.CHECK
+    assert numbers_of_data_list()["CHECK"] == check
+    assert aggregate(declarations()[krc.STATE][1])["CHECK"] == str(check)
+
+
+def test_any_change_of_the_interface_changes_the_checksum() -> None:
+    def swapped(table: Mapping[str, Any]) -> dict[str, Any]:
+        first, second, *rest = table
+        return {name: table[name] for name in (second, first, *rest)}
+
+    tables: list[Mapping[str, Any]] = [
+        krc.NUMBERS,
+        krc.VARIABLES,
+        krc.KNOT_FIELDS,
+        krc.STATE_FIELDS,
+    ]
+    assert krc.checksum(*tables) == krc.CHECK
+    for place, table in enumerate(tables):
+        changed = [*tables[:place], swapped(table), *tables[place + 1 :]]
+        assert krc.checksum(*changed) != krc.CHECK
 
 
 def test_the_variables_are_the_same_in_document_daemon_and_data_list() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,6 +19,7 @@ from sphmctl.emulators.board import Board, Mode
 from sphmctl.emulators.board import Options as BoardOptions
 from sphmctl.emulators.board_process import BoardError
 from sphmctl.emulators.cell import EmulatedCell, Setup, TruthSink
+from sphmctl.emulators.krc_files import Numbers
 from sphmctl.emulators.kvp_server import FlavourName
 from sphmctl.errors import DeviceError, UsageError
 from sphmctl.wire.board_table import BOARD_ID
@@ -63,9 +64,12 @@ def flavour_of(cell: Cell) -> FlavourName:
 
 
 def setup_of(cell: Cell) -> Setup:
-    """An emulated cell whose servos are mounted as the cell file says."""
-    wrist = cell.wrist
-    return Setup(zero_ticks=wrist.zero_ticks, direction=wrist.direction, ids=wrist.ids)
+    """An emulated cell that is mounted and wired as the cell file says."""
+    wrist, lines = cell.wrist, cell.arm.lines
+    setup = Setup(zero_ticks=wrist.zero_ticks, direction=wrist.direction, ids=wrist.ids)
+    if lines is None:
+        return setup
+    return replace(setup, lines=Numbers(lines.wrist_ok, lines.knot, lines.arm_moving))
 
 
 def board_kind(value: str) -> BoardKind:

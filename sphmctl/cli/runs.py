@@ -226,8 +226,10 @@ async def _ask(question: str, stop: asyncio.Event) -> bool:
 
 def _echo(name: str, fields: dict[str, Any]) -> None:
     """Say what a user wants to know while it happens."""
-    if name in ("fault", "wrist lost", "standstill not seen", "disarm"):
+    if name in ("fault", "wrist lost", "standstill not seen", "disarm", "to go on"):
         say(f"{name}: {fields.get('message', '')}")
+    elif name == "lines off":
+        say(fields["message"])
     elif name == "approach":
         say(f"approaching the start, {fields['seconds']:.1f} s")
     elif name == "standing":

@@ -44,7 +44,10 @@ async def examine(cell: Cell, arm: KukaArm, wrist: Wrist) -> list[Finding]:
         findings += await _device("controller", arm.connect, session.examine_arm)
         if findings[-1].ok and arm.connected:
             findings.append(await _round_trip(arm))
+        arm_ok = all(f.ok for f in findings) and arm.connected
         findings += await _device("wrist", wrist.connect, session.examine_wrist)
+        if arm_ok and all(f.ok for f in findings):
+            findings += await session.examine_level()
     finally:
         await session.close()
     return findings

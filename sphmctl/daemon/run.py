@@ -210,6 +210,7 @@ def _summary(job: Job, folder: Path, outcome: Outcome, assessment: _Assessment) 
         "outcome": outcome.outcome,
         "cause": outcome.cause,
         "unconfirmed": outcome.unconfirmed,
+        "remedy": outcome.remedy,
         "board": outcome.board,
         "run_dir": str(folder),
         "duration_s": round(_duration_s(outcome), 3),

@@ -17,7 +17,7 @@ import numpy as np
 from sphmctl import planner
 from sphmctl.config import Cell
 from sphmctl.daemon.board_report import board_begins
-from sphmctl.daemon.examine_arm import examine_arm
+from sphmctl.daemon.examine_arm import LINES_OFF, examine_arm, examine_level, remedies
 from sphmctl.daemon.follow import Lead
 from sphmctl.daemon.record import Events
 from sphmctl.daemon.stream import Motion, StopRequestedError
@@ -52,6 +52,7 @@ class Outcome:
         outcome: completed, stopped or faulted.
         cause: why, if not completed.
         unconfirmed: what could not be seen to be safe at the end, one sentence each.
+        remedy: what to do to go on, if it faulted.
         begin_s, end_s: host times of the plan's motion; NaN if it never began.
         board: the board's identity, and its counters at begin and end; None without a board.
     """
@@ -59,6 +60,7 @@ class Outcome:
     outcome: str = "completed"
     cause: str = ""
     unconfirmed: list[str] = field(default_factory=list)
+    remedy: str = ""
     begin_s: float = math.nan
     end_s: float = math.nan
     board: dict[str, Any] | None = None
@@ -110,17 +112,26 @@ class Session:
         """Look at the board, if there is one, and at the three servos."""
         return await self._wrist.examine()
 
+    async def examine_level(self) -> list[Finding]:
+        """Compare "wrist ok" at both ends of its wire; nothing where no wire is connected."""
+        state = await self._arm.read_state()
+        if self._wrist.board is None or state.wrist is krc.Wrist.NONE:
+            return []
+        return [examine_level(state, await self._wrist.board.state())]
+
     async def verify(self) -> None:
         """Refuse a cell that is not ready.
 
         Raises:
             DeviceError: the first thing that is not right, and its remedy.
         """
-        wrong = [f for f in await self.examine_arm() if not f.ok]
-        if wrong:
-            first = wrong[0]
-            raise DeviceError(f"{first.name}: {first.detail}; {first.remedy}", "controller")
+        found = await self.examine_arm()
+        _refuse(found)
         await self._wrist.verify()
+        _refuse(await self.examine_level())
+        for finding in found:
+            if finding.detail == LINES_OFF:
+                self._events.add("lines off", message=f"{finding.name}: {finding.detail}")
         self._events.add("verified")
 
     async def measured(self) -> Floats:
@@ -203,7 +214,18 @@ class Session:
             if record is not None:
                 await record.end()
         self._events.add(outcome.outcome, cause=outcome.cause, late_cycles=loop.late_cycles)
+        if outcome.outcome == "faulted":
+            outcome.remedy = await self._remedy()
+            self._events.add("to go on", message=outcome.remedy)
         return outcome
+
+    async def _remedy(self) -> str:
+        """What to do to go on, as far as the controller tells."""
+        try:
+            steps = remedies(await self.examine_arm())
+        except DeviceError:
+            return "look at the robot, mend the connection, see what `sphmctl doctor` says, run again"
+        return f"{steps or 'see to what the fault names'}, then run again"
 
     async def _still_there(self, first: Plan) -> None:
         """Refuse when somebody moved the robot while the question stood."""
@@ -300,6 +322,14 @@ class Session:
                 f"outside {low:g} to {high:g}; move it back by hand or by the pendant",
                 "cell",
             )
+
+
+def _refuse(findings: list[Finding]) -> None:
+    """Raise the first thing that is not right, with all that is to be done."""
+    for finding in findings:
+        if not finding.ok:
+            message = f"{finding.name}: {finding.detail}; {remedies(findings)}"
+            raise DeviceError(message, "controller")
 
 
 def _no_row(at_s: float, joints: Floats, tau_s: float) -> None:

@@ -5,11 +5,12 @@ They stand in INTERFACE.md, here, and in sph_run.dat; a test compares the three.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from enum import IntEnum
 from types import MappingProxyType
 
-VERSION = 2
+VERSION = 3
 """Version of the interface that this driver speaks."""
 
 RING = 64
@@ -98,6 +99,7 @@ KNOT_FIELDS: Mapping[str, str] = MappingProxyType(
 STATE_FIELDS: Mapping[str, str] = MappingProxyType(
     {
         "VERSION": "INT",
+        "CHECK": "INT",
         "SESSION": "INT",
         "STATUS": "INT",
         "FAULT": "INT",
@@ -117,3 +119,37 @@ STATE_FIELDS: Mapping[str, str] = MappingProxyType(
     }
 )
 """The fields of the state in order, each with its KRL type."""
+
+
+NUMBERS: Mapping[str, int] = MappingProxyType(
+    {"VERSION": VERSION, "RING": RING, "LATE_MS": LATE_MS, "LOST_MS": LOST_MS}
+    | {
+        f"{prefix}_{member.name}": member.value
+        for prefix, members in (
+            ("CMD", Command),
+            ("STATUS", Status),
+            ("FAULT", Fault),
+            ("WRIST", Wrist),
+        )
+        for member in members
+    }
+)
+"""The numbers of the interface, in the order of INTERFACE.md."""
+
+
+def checksum(
+    numbers: Mapping[str, int], variables: Mapping[str, str], *structures: Mapping[str, str]
+) -> int:
+    """The interface in one number, as INTERFACE.md, "Checksum", says."""
+    lines = [f"{name}={value}" for name, value in numbers.items()]
+    for table in (variables, *structures):
+        lines += [f"{name}:{kind}" for name, kind in table.items()]
+    # A KRL INT has 31 bits beside the sign.
+    return zlib.crc32("\n".join(lines).encode("ascii")) & 0x7FFFFFFF
+
+
+CHECK = checksum(NUMBERS, VARIABLES, KNOT_FIELDS, STATE_FIELDS)
+"""Checksum of the interface that this driver speaks."""
+
+OUTPUT_KNOT, OUTPUT_MOVING, INPUT_OK = "SPH_OUT_KNOT", "SPH_OUT_MOVING", "SPH_IN_OK"
+"""Where the lines to a board are, as numbers of $OUT and $IN; 0: not connected."""

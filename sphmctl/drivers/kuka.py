@@ -16,6 +16,7 @@ import numpy as np
 
 from sphmctl.drivers import krc_interface as krc
 from sphmctl.drivers.device_clock import DeviceClock
+from sphmctl.drivers.krc_program import ALWAYS_TRUE
 from sphmctl.drivers.kvp_client import KvpClient
 from sphmctl.errors import DeviceError
 from sphmctl.motion import Floats
@@ -31,6 +32,11 @@ PROGRAM = "SPH_RUN"
 
 IDENTITY = ("$MODEL_NAME[]", "$KR_SERIALNO", "$PRO_NAME1[]", "$PRO_STATE1")
 """What tells robot and program, in the order of `ArmIdentity`."""
+
+LINES = (krc.INPUT_OK, krc.OUTPUT_KNOT, krc.OUTPUT_MOVING)
+
+INSTALL = "write its files by `sphmctl krl export DIR` and install them"
+"""What mends a program of another version."""
 
 FROZEN_S = 0.12
 """SPH_STATE is refreshed each 12 ms; the same TIME for ten cycles is a picture, not the robot."""
@@ -58,6 +64,7 @@ class ArmState:
     """
 
     version: int
+    check: int
     session: int
     status: krc.Status
     fault: krc.Fault
@@ -73,6 +80,21 @@ class ArmState:
     mode: str
     joints: Floats
     at_s: float
+
+
+@dataclass(frozen=True)
+class LineLevels:
+    """The controller's lines to a board.
+
+    Attributes:
+        numbers: SPH_IN_OK, SPH_OUT_KNOT, SPH_OUT_MOVING; 0: not connected.
+        signal: what the program sees of "wrist ok".
+        wire: the level of the input that SPH_IN_OK names, or of the one that is always TRUE.
+    """
+
+    numbers: Mapping[str, int]
+    signal: bool
+    wire: bool
 
 
 class KukaArm:
@@ -131,6 +153,7 @@ class KukaArm:
         self._clock.update(stamp_s, sent_s, received_s)
         return ArmState(
             version=_integer(fields["VERSION"]),
+            check=_integer(fields["CHECK"]),
             session=_integer(fields["SESSION"]),
             status=self._member(krc.Status, fields["STATUS"]),
             fault=self._member(krc.Fault, fields["FAULT"]),
@@ -177,11 +200,20 @@ class KukaArm:
         missing = [name for name in krc.STATE_FIELDS if name not in value.fields]
         if missing:
             raise DeviceError(
-                f"{krc.STATE} lacks {', '.join(missing)}; "
-                f"install the program of interface version {krc.VERSION}",
+                f"{krc.STATE} lacks {', '.join(missing)}: {PROGRAM} is of another version than "
+                f"{krc.VERSION}; {INSTALL}",
                 self._where,
             )
         return value.fields
+
+    async def read_lines(self) -> LineLevels:
+        """Where the controller has its lines to a board, and what it sees of "wrist ok"."""
+        numbers = [_integer(krl.parse(text)) for text in await self._client.read_many(LINES)]
+        lines = dict(zip(LINES, numbers, strict=True))
+        wired = lines[krc.INPUT_OK] or ALWAYS_TRUE
+        levels = await self._client.read_many(("SPH_OK", f"$IN[{wired}]"))
+        signal, wire = (krl.parse(text) is True for text in levels)
+        return LineLevels(lines, signal, wire)
 
     async def begin_session(self) -> ArmState:
         """Forget every old knot and be ready for new ones.

@@ -14,6 +14,8 @@ from sphmctl.emulators.board import Board
 from sphmctl.emulators.board_bus import BoardBus
 from sphmctl.emulators.board_host import BoardHost
 from sphmctl.emulators.controller import TICK_STEPS, Controller, Options
+from sphmctl.emulators.krc_files import Numbers
+from sphmctl.emulators.krc_lines import NUMBERS
 from sphmctl.emulators.kvp_server import FlavourName, KvpServer, Latency
 from sphmctl.emulators.kvp_server import Pipe as KvpPipe
 from sphmctl.emulators.lines import Wiring
@@ -41,6 +43,7 @@ class Setup:
         zero_ticks: counts at crank angle 0, per leg.
         direction: 1 where counts rise with the crank angle, -1 where they fall.
         ids: servo ids in leg order.
+        lines: where the controller's lines to a board are, if there is one.
     """
 
     arm_deg: tuple[float, ...] = (0.0, -90.0, 90.0, 0.0, 90.0, 0.0)
@@ -48,6 +51,7 @@ class Setup:
     zero_ticks: tuple[int, ...] = (1365, 1365, 1365)
     direction: tuple[int, ...] = (1, 1, 1)
     ids: tuple[int, ...] = (1, 2, 3)
+    lines: Numbers = NUMBERS
 
 
 class EmulatedCell:
@@ -85,7 +89,12 @@ class EmulatedCell:
         self.controller = Controller(
             self.world,
             random.Random(rng.random()),
-            options or Options(start_deg=self.setup.arm_deg, lines=board is not None),
+            options
+            or Options(
+                start_deg=self.setup.arm_deg,
+                lines=board is not None,
+                line_numbers=self.setup.lines,
+            ),
         )
         self.servos = tuple(self._servo(leg, random.Random(rng.random())) for leg in range(3))
         draws = random.Random(rng.random())

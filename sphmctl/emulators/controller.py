@@ -15,10 +15,10 @@ from sphmctl.emulators.interpreter import Interpreters
 from sphmctl.emulators.interpreter import Panel as Safety
 from sphmctl.emulators.interpreter.functions import axes_value
 from sphmctl.emulators.interpreter.values import Live
-from sphmctl.emulators.krc_files import controller_files, with_files
+from sphmctl.emulators.krc_files import Numbers, controller_files, with_files
 from sphmctl.emulators.krc_hands import Panel
 from sphmctl.emulators.krc_keys import Keys
-from sphmctl.emulators.krc_lines import KNOT_OUTPUT, MOVING_OUTPUT, OK_INPUT, TerminalLines
+from sphmctl.emulators.krc_lines import NUMBERS, TerminalLines
 from sphmctl.emulators.motion import Event, Mover
 from sphmctl.emulators.motion import Options as MotionOptions
 from sphmctl.emulators.motion.figures import CYCLE_S, MODES, STEP_S, beyond
@@ -67,6 +67,7 @@ class Options:
         program_version: what our program says of itself; None for what the files say.
         installed: whether our program and its variables are on the controller at all.
         lines: whether its lines to a board are connected.
+        line_numbers: where, if they are.
         modules: more KRL files on the controller; they take the place of others of their name.
         motion: how the arm moves.
     """
@@ -79,6 +80,7 @@ class Options:
     program_version: int | None = None
     installed: bool = True
     lines: bool = False
+    line_numbers: Numbers = NUMBERS
     modules: tuple[Path, ...] = ()
     motion: MotionOptions = field(
         default_factory=lambda: MotionOptions(acceleration_deg_s2=ACCELERATION_DEG_S2)
@@ -123,7 +125,12 @@ class Controller:
             self.options.model_name, self.options.robot_name, rng.randrange(100_000, 1_000_000)
         )
         name = self.options.program.upper()
-        files = controller_files(name, self.options.program_version, self.options.installed)
+        files = controller_files(
+            name,
+            self.options.program_version,
+            self.options.installed,
+            self.options.line_numbers if self.options.lines else None,
+        )
         every = with_files(files, self.options.modules)
         self.krc = Interpreters(every, self.arm, safety, self._time_s, self.timer_ms)
         self.store = self.krc.memory
@@ -131,20 +138,11 @@ class Controller:
         self.keys = Keys(self.krc, self.arm)
         self._errors_deg = tuple(rng.gauss(0.0, MEASURING_ERROR_DEG) for _ in range(6))
         self.store.bind("$AXIS_ACT_MEAS", Live(self._measured))
-        self.lines = self._connect() if self.options.lines else None
+        self.lines: TerminalLines | None = None
+        if self.options.lines:
+            self.lines = TerminalLines(self.krc.terminals, self.options.line_numbers)
         self._start_up(name)
         world.add(self)
-
-    def _connect(self) -> TerminalLines:
-        if self.options.installed:
-            numbers = {
-                "SPH_IN_OK": OK_INPUT,
-                "SPH_OUT_KNOT": KNOT_OUTPUT,
-                "SPH_OUT_MOVING": MOVING_OUTPUT,
-            }
-            for name, number in numbers.items():
-                self.store.put(name, number)
-        return TerminalLines(self.krc.terminals)
 
     def _start_up(self, name: str) -> None:
         """What the operator has done before."""

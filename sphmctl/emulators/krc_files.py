@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,9 +26,18 @@ END
 """A program of somebody else's, which never moves."""
 
 
+@dataclass(frozen=True)
+class Numbers:
+    """I/O numbers of the lines to a board: $IN of "wrist ok", $OUT of "knot" and "arm moving"."""
+
+    ok: int
+    knot: int
+    moving: int
+
+
 @lru_cache(maxsize=16)
 def controller_files(
-    program: str, version: int | None = None, installed: bool = True
+    program: str, version: int | None = None, installed: bool = True, lines: Numbers | None = None
 ) -> tuple[n.Module, ...]:
     """The modules of a controller.
 
@@ -35,6 +45,7 @@ def controller_files(
         program: the one to be selected; where it is not ours, an idle one of that name.
         version: what our program is made to say of itself; None leaves the files as they are.
         installed: whether our files are there.
+        lines: where the operator has connected the lines to a board; None leaves them off.
 
     Raises:
         KrlError: a file is no KRL.
@@ -43,7 +54,7 @@ def controller_files(
     found: list[n.Module] = []
     if installed:
         paths = sorted([*SHIPPED.glob("*.src"), *SHIPPED.glob("*.dat")])
-        found += [parse(_with_version(read_text(path), version), str(path)) for path in paths]
+        found += [parse(_changed(read_text(path), version, lines), str(path)) for path in paths]
         found.append(submit_program(["SPH_SPS_INIT()"], ["SPH_SPS()"]))
     else:
         found.append(submit_program([], []))
@@ -65,5 +76,12 @@ def with_files(modules: Iterable[n.Module], paths: Iterable[Path]) -> tuple[n.Mo
     return (*kept, *copied)
 
 
-def _with_version(text: str, version: int | None) -> str:
-    return text if version is None else re.sub(r"(INT SPH_VERSION=)\d+", rf"\g<1>{version}", text)
+def _changed(text: str, version: int | None, lines: Numbers | None) -> str:
+    if version is not None:
+        text = re.sub(r"(INT SPH_VERSION=)\d+", rf"\g<1>{version}", text)
+    if lines is not None:
+        text = re.sub(r"(SIGNAL SPH_OK \$IN)\[\d+\]", rf"\g<1>[{lines.ok}]", text)
+        numbers = {"IN_OK": lines.ok, "OUT_KNOT": lines.knot, "OUT_MOVING": lines.moving}
+        for name, number in numbers.items():
+            text = re.sub(rf"(INT SPH_{name}=)\d+", rf"\g<1>{number}", text)
+    return text

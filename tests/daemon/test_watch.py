@@ -31,6 +31,7 @@ CRANKS = np.radians([60.0, 60.0, 60.0])
 
 GOOD = ArmState(
     version=krc.VERSION,
+    check=krc.CHECK,
     session=5,
     status=krc.Status.RUNNING,
     fault=krc.Fault.NONE,

@@ -20,8 +20,8 @@ from tests.system.rig import Rig
 
 AXES = "{E6AXIS: A1 1.0, A2 -90.0, A3 9.0E+01, A4 0, A5 90.0, A6 0.0, E1 0.0}"
 STATE = (
-    "{SPH_STATE_T: VERSION 2, SESSION 3, STATUS 2, FAULT 0, WRIST 2, RD 7, DONE 5, BEAT 9, "
-    "TIME 3600012, OV 50, MOVING TRUE, STOPPED FALSE, DRIVES TRUE, SAFE TRUE, STOPMESS FALSE, "
+    "{SPH_STATE_T: VERSION 3, CHECK 5, SESSION 3, STATUS 2, FAULT 0, WRIST 2, RD 7, DONE 5, "
+    "BEAT 9, TIME 3600012, OV 50, MOVING TRUE, STOPPED FALSE, DRIVES TRUE, SAFE TRUE, STOPMESS FALSE, "
     f"MODE #T1, Q {AXES}}}"
 )
 
@@ -75,7 +75,7 @@ def test_the_state_structure_is_read_in_one_request_and_in_radians() -> None:
         (STATE.replace("STATUS 2", "STATUS 9"), "holds 9, which is no status of interface"),
         (STATE.replace("FAULT 0", "FAULT -3"), "holds -3, which is no fault of interface"),
         (STATE.replace("WRIST 2", "WRIST 3"), "holds 3, which is no wrist of interface"),
-        (STATE.replace("BEAT 9, ", ""), "lacks BEAT; install the program of interface version 2"),
+        (STATE.replace("BEAT 9, ", ""), "lacks BEAT: SPH_RUN is of another version than 3; write"),
         (STATE.replace("RD 7", "RD 7.5"), "a whole number was expected"),
         (STATE.replace("A3 9.0E+01", "A4 0.0"), "twice"),
         (STATE.replace("A3 9.0E+01, ", ""), "axis angles were expected"),

@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from sphmctl.emulators.controller import Options
 from sphmctl.emulators.krc_lines import TerminalLines
-from tests.emulators.krc4_rig import ENDED, FAULT, HOME, READY, RUN, RUNNING, Rig, away
+from tests.emulators.krc4_rig import (
+    ENDED,
+    FAULT,
+    HOLD,
+    HOLDING,
+    HOME,
+    READY,
+    RUN,
+    RUNNING,
+    STOP,
+    Rig,
+    away,
+)
 
 FAULT_WRIST = 5
 NONE, OFF, ON = 0, 1, 2
@@ -83,4 +97,48 @@ def test_the_fall_of_wrist_ok_brakes_the_arm_and_only_a_new_session_moves_again(
     rig.write("SPH_LAST", "1")
     rig.command(RUN)
     rig.wait_for(ENDED)
+    assert rig.controller.true_joints_deg() == HOME
+
+
+def stopping_deg(stop: Callable[[Rig, TerminalLines], None]) -> float:
+    """How far axis 1 turns after a stop at full speed."""
+    rig, lines = connected()
+    begin(rig, away(150.0))
+    rig.wait_for(RUNNING)
+    rig.wait_ms(500)
+    before = rig.controller.true_joints_deg()[0]
+    stop(rig, lines)
+    rig.wait_ms(500)
+    return rig.controller.true_joints_deg()[0] - before
+
+
+def test_the_fall_of_wrist_ok_brakes_harder_than_a_stop_command() -> None:
+    fell = stopping_deg(lambda rig, lines: setattr(lines, "wrist_ok", False))
+    told = stopping_deg(lambda rig, lines: rig.command(STOP))
+    assert 0.0 < fell < 0.7 * told
+
+
+def test_the_fall_of_wrist_ok_in_a_hold_ends_the_motion() -> None:
+    rig, lines = connected()
+    begin(rig, away(90.0), HOME)
+    rig.wait_for(RUNNING)
+    rig.wait_ms(200)
+    rig.command(HOLD)
+    rig.wait_for(HOLDING)
+    stood = rig.controller.true_joints_deg()
+    lines.wrist_ok = False
+    rig.wait_ms(26)
+    assert (rig.state("STATUS"), rig.state("FAULT")) == (FAULT, FAULT_WRIST)
+    lines.wrist_ok = True
+    rig.command(RUN)
+    rig.wait_ms(500)
+    assert rig.controller.true_joints_deg() == stood
+
+
+def test_a_controller_whose_always_true_input_is_not_does_not_move() -> None:
+    rig = Rig()
+    rig.controller.krc.terminals.inputs[1024] = False
+    begin(rig, away(5.0))
+    rig.wait_ms(500)
+    assert (rig.state("STATUS"), rig.state("WRIST")) == (READY, OFF)
     assert rig.controller.true_joints_deg() == HOME

@@ -219,8 +219,10 @@ def test_a_daemon_that_never_beats_does_not_move_the_arm() -> None:
     rig.session()
     rig.knot(1, away(10.0))
     rig.command(RUN)
-    rig.wait_ms(200)
-    assert (rig.state("STATUS"), rig.state("FAULT")) == (READY, NONE)
+    rig.wait_ms(30)
+    assert (rig.state("STATUS"), rig.state("FAULT")) == (FAULT, BEAT)
+    rig.beating = True
+    rig.wait_ms(500)
     assert rig.controller.true_joints_deg() == HOME
 
 

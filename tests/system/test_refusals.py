@@ -57,7 +57,7 @@ def _panel(name: str, value: object) -> Callable[[Rig], object]:
         (Options(program="OTHER"), None, "program: OTHER; select SPH_RUN"),
         (Options(program_state="P_FREE"), None, "program: none selected; select SPH_RUN"),
         (Options(program_state="P_STOP"), None, "program state: #P_STOP; start SPH_RUN"),
-        (Options(program_version=7), None, "program version: 7; install"),
+        (Options(program_version=7), None, "program version: 7; this sphmctl needs 3; write"),
         (Options(installed=False), None, "SPH_STATE"),
         (None, _panel("mode", "T2"), "mode: T2; choose one of EX"),
         (None, _panel("user_saf", False), "safety chain: open; release"),

@@ -16,6 +16,10 @@ TIMERS = 64
 MOST_BITS = 32
 """Of one SIGNAL, since it is read as an INT (SI, "SIGNAL")."""
 
+ALWAYS_TRUE = 1025
+"""Number of the input that no wire changes ($machine.dat: the signals that are not wired are on it;
+$IN[1026] is always FALSE)."""
+
 ANALOG_LIMIT = 1.0
 """$ANOUT goes from -1 to 1; what is beyond is clamped (KUKA, "System Variables", $ANOUT)."""
 
@@ -101,6 +105,7 @@ class Terminals:
 
     def __init__(self, time_s: Callable[[], float]) -> None:
         self.inputs = Lines(4096, False)
+        self.inputs[ALWAYS_TRUE - 1] = True
         self.outputs = Lines(4096, False)
         self.analog_inputs = Lines(32, 0.0)
         self.analog_outputs = Lines(32, 0.0, ANALOG_LIMIT)

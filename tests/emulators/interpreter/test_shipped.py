@@ -141,21 +141,6 @@ def test_a_wrong_sequence_number_ends_the_motion(daemon: Daemon) -> None:
     assert daemon.field("FAULT") == 2
 
 
-def test_wrist_ok_falls_and_the_arm_brakes(daemon: Daemon) -> None:
-    daemon.rig.memory.put("SPH_IN_OK", 4)
-    daemon.rig.krc.terminals.inputs[3] = True
-    daemon.session(1)
-    daemon.knots(60.0)
-    daemon.put("SPH_CMD", RUN)
-    daemon.go(0.3)
-    daemon.rig.krc.terminals.inputs[3] = False
-    begin = daemon.rig.time_s
-    daemon.rig.until(lambda: not daemon.rig.mover.moving)
-    assert daemon.rig.time_s - begin < 0.2
-    daemon.until(FAULT)
-    assert daemon.field("FAULT") == 5
-
-
 def test_the_line_knot_toggles_at_each_knot(daemon: Daemon) -> None:
     heard: list[bool] = []
     daemon.rig.memory.put("SPH_OUT_KNOT", 9)
