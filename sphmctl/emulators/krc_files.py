@@ -13,7 +13,10 @@ from sphmctl.emulators.krl import nodes as n
 from sphmctl.emulators.krl.parse import parse, read
 from sphmctl.emulators.krl.source import read_text
 
-SHIPPED = Path(__file__).parents[2] / "firmware" / "krc"
+_IN_WHEEL = Path(__file__).parents[1] / "krc"
+
+SHIPPED = _IN_WHEEL if _IN_WHEEL.is_dir() else Path(__file__).parents[2] / "firmware" / "krc"
+"""The very files that are copied onto a controller; a wheel carries them inside the package."""
 
 OURS = "SPH_RUN"
 
