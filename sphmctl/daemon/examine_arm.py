@@ -52,7 +52,7 @@ def _examine_lines(cell: Cell, state: ArmState, lines: LineLevels) -> list[Findi
     """Whether the controller listens to the board, where there is one and both are here."""
     board = cell.wrist.board_id is not None
     line = lines.numbers[krc.INPUT_OK] != 0
-    remedy = f"the cell has no board; {INSTALL}"
+    remedy = f"if there is a board, give its wrist.board_id in the cell file; else {INSTALL}"
     if board:
         remedy = f"give the cell file arm.lines; {INSTALL}"
     detail = "connected" if line else LINES_OFF

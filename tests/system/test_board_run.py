@@ -217,12 +217,12 @@ def test_a_board_that_is_reset_ends_the_run() -> None:
 
 
 def test_a_controller_without_the_line_is_refused_before_motion() -> None:
-    with pytest.raises(DeviceError, match="line wrist ok: not connected; wire wrist ok, and set"):
+    with pytest.raises(DeviceError, match="line wrist ok: off: .*; give the cell file arm.lines"):
         run(board="simulated", options=Options(lines=False))
 
 
 def test_a_controller_that_waits_for_a_board_is_refused_without_one() -> None:
-    with pytest.raises(DeviceError, match="line wrist ok: connected; set SPH_IN_OK"):
+    with pytest.raises(DeviceError, match="line wrist ok: connected; if there is a board"):
         run(options=Options(lines=True))
 
 
