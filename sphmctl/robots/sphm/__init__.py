@@ -5,7 +5,7 @@ platform centre O7 without one) in the arm's base frame. The arm has six joints,
 three are free in the inverse: the caller fixes them, or `auto` chooses them.
 """
 
-from sphmctl.robots.sphm.along import inverse_along
+from sphmctl.robots.sphm.along import branches_along, inverse_along
 from sphmctl.robots.sphm.chain import (
     MAX_ACCELERATION9,
     MAX_SPEED9,
@@ -24,6 +24,7 @@ __all__ = [
     "RANGES9",
     "Solutions",
     "auto",
+    "branches_along",
     "flange_target",
     "forward",
     "inverse",
