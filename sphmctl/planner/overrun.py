@@ -1,0 +1,82 @@
+"""Looks at the stream that a motion gives: by how much, and where, it goes beyond the bounds.
+
+Speeds and accelerations are differences over 4 ms, as a controller would see them, taken every
+2 ms so that the stream may begin at any instant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphmctl.motion import Floats
+from sphmctl.planner.jerk import Pieces
+from sphmctl.planner.topp import SAMPLE_S, Caps
+from sphmctl.planner.track import Track
+
+LOOK_S = SAMPLE_S / 2.0
+"""Two phases of the 4 ms stream."""
+
+BLOCK = 50_000
+"""Samples differentiated at a time; bounds the memory of long paths."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """What the stream takes of the bounds: 1 is all of it.
+
+    Attributes:
+        speed, acceleration: largest share in the neighbourhood of each interval, (N,).
+    """
+
+    speed: Floats
+    acceleration: Floats
+
+
+def look(track: Track, pieces: Pieces, caps: Caps) -> Use:
+    """The use of the bounds along the track."""
+    count = int(pieces.duration_s / LOOK_S) + 6
+    t = LOOK_S * (np.arange(count, dtype=np.float64) - 2.0)
+    s = pieces.at(t)[0]
+    speed, acceleration = np.zeros(count), np.zeros(count)
+    for low in range(0, count - 4, BLOCK):
+        part = slice(low, min(low + BLOCK + 4, count))
+        inner = slice(part.start + 2, part.stop - 2)
+        speed[inner], acceleration[inner] = _shares(track, s[part], caps)
+    reach = int(np.ceil((pieces.filter_s / 2.0 + SAMPLE_S) / LOOK_S))
+    return Use(_spread(track, s, speed, reach), _spread(track, s, acceleration, reach))
+
+
+def _shares(track: Track, s: Floats, caps: Caps) -> tuple[Floats, Floats]:
+    """Shares (m - 4,) of the speeds and accelerations at the inner ones of s (m,)."""
+    values, interval = track.at(s)
+    rate = np.abs(values[3:-1] - values[1:-3]) / (2.0 * LOOK_S)
+    force = np.abs(values[4:] - 2.0 * values[2:-2] + values[:-4]) / SAMPLE_S**2
+    # A difference that spans two moves is held against the more generous of their limits.
+    tool_speed = np.maximum(caps.tool_speed[interval[3:-1]], caps.tool_speed[interval[1:-3]])
+    tool_force = caps.tool_acceleration
+    tool_acceleration = np.maximum(tool_force[interval[4:]], tool_force[interval[:-4]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = _worst(rate, caps.joint_speeds, tool_speed)
+        acceleration = _worst(force, caps.joint_accelerations, tool_acceleration)
+    return speed, acceleration
+
+
+def _worst(rates: Floats, joints: Floats, tool: Floats) -> Floats:
+    point = np.linalg.norm(rates[:, -3:], axis=1)
+    alone = np.where(rates[:, :-3] > 0.0, rates[:, :-3] / joints, 0.0).max(axis=1)
+    return np.asarray(np.maximum(alone, np.where(point > 0.0, point / tool, 0.0)))
+
+
+def _spread(track: Track, s: Floats, share: Floats, reach: int) -> Floats:
+    """The largest share (N,) within `reach` samples of each interval."""
+    wide = share.copy()
+    for away in range(1, reach + 1):
+        wide[away:] = np.maximum(wide[away:], share[:-away])
+        wide[:-away] = np.maximum(wide[:-away], share[away:])
+    middle = (track.s[1:] + track.s[:-1]) / 2.0
+    out = wide[np.clip(np.searchsorted(s, middle), 0, len(s) - 1)]
+    interval = np.clip(np.searchsorted(track.s, s, side="right") - 1, 0, len(out) - 1)
+    np.maximum.at(out, interval, wide)
+    return np.asarray(out)
