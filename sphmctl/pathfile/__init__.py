@@ -1,0 +1,31 @@
+"""The path file: named points and moves, still in millimetres and degrees; knows no robot."""
+
+from sphmctl.pathfile.model import (
+    Arc,
+    Circle,
+    Helix,
+    Move,
+    Orientation,
+    Path,
+    Point,
+    Polyline,
+    Speed,
+    Spline,
+    Wrist,
+)
+from sphmctl.pathfile.read import load_path
+
+__all__ = [
+    "Arc",
+    "Circle",
+    "Helix",
+    "Move",
+    "Orientation",
+    "Path",
+    "Point",
+    "Polyline",
+    "Speed",
+    "Spline",
+    "Wrist",
+    "load_path",
+]
