@@ -43,14 +43,14 @@ def check_name(value: str) -> str:
     return value
 
 
-def policy(value: Any) -> Any:
+def as_policy(value: Any) -> Any:
     """A policy by its name alone."""
     if isinstance(value, str):
         return {"policy": value}
     return value
 
 
-def rule(value: Any) -> Any:
+def as_rule(value: Any) -> Any:
     """A rule for the orientation by its name alone."""
     if isinstance(value, str):
         if value == "normal_to":
@@ -61,7 +61,7 @@ def rule(value: Any) -> Any:
     return value
 
 
-def target(value: Any) -> Any:
+def as_target(value: Any) -> Any:
     """A point's name, or a point with the move's keys."""
     if isinstance(value, str):
         return {"point": value}
@@ -72,7 +72,7 @@ def target(value: Any) -> Any:
     return value
 
 
-def place(value: Any) -> Any:
+def as_place(value: Any) -> Any:
     """A point by its name, as numbers, or as a named one is written."""
     if isinstance(value, str):
         return {"point": value}
@@ -86,7 +86,7 @@ def place(value: Any) -> Any:
     return value
 
 
-def span(value: Any) -> Any:
+def as_span(value: Any) -> Any:
     """One number for begin and end, or both."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return (float(value), float(value))
@@ -95,7 +95,7 @@ def span(value: Any) -> Any:
     return value
 
 
-def base(value: Any) -> Any:
+def as_base(value: Any) -> Any:
     """A frame's name or a pose."""
     if isinstance(value, str):
         return value

@@ -19,13 +19,13 @@ from sphmctl.pathfile.fields import (
     Tilt,
     Turn,
     Xyz,
-    base,
+    as_base,
+    as_place,
+    as_policy,
+    as_rule,
+    as_span,
+    as_target,
     check_point,
-    place,
-    policy,
-    rule,
-    span,
-    target,
 )
 from sphmctl.pathfile.model import Kind, Rule, Speed, Surface
 from sphmctl.yamlfile import (
@@ -69,8 +69,8 @@ class WristModel(BaseModel):
     model_config = STRICT
     policy: str = "motion"
     cranks_deg: Cranks | None = None
-    heave_mm: Annotated[tuple[Heave, Heave], BeforeValidator(span)] | None = None
-    tilt_deg: Annotated[tuple[Tilt, Tilt], BeforeValidator(span)] | None = None
+    heave_mm: Annotated[tuple[Heave, Heave], BeforeValidator(as_span)] | None = None
+    tilt_deg: Annotated[tuple[Tilt, Tilt], BeforeValidator(as_span)] | None = None
     tilt_turns: Annotated[float, Field(ge=-100, le=100)] | None = None
     tilt_towards_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
 
@@ -92,7 +92,7 @@ class WristModel(BaseModel):
         return self
 
 
-Policy: TypeAlias = Annotated[WristModel, BeforeValidator(policy)]
+Policy: TypeAlias = Annotated[WristModel, BeforeValidator(as_policy)]
 
 
 class OrientationModel(BaseModel):
@@ -132,7 +132,7 @@ class OrientationModel(BaseModel):
         return next((name for name in names if name == self.rule), "normal_to")
 
 
-Orienting: TypeAlias = Annotated[OrientationModel, BeforeValidator(rule)]
+Orienting: TypeAlias = Annotated[OrientationModel, BeforeValidator(as_rule)]
 
 
 class PointModel(BaseModel):
@@ -166,7 +166,7 @@ class PlaceModel(BaseModel):
         return self
 
 
-Place: TypeAlias = Annotated[PlaceModel, BeforeValidator(place)]
+Place: TypeAlias = Annotated[PlaceModel, BeforeValidator(as_place)]
 
 
 class _InsideModel(BaseModel):
@@ -194,7 +194,7 @@ class TargetModel(_InsideModel):
         return self
 
 
-Target: TypeAlias = Annotated[TargetModel, BeforeValidator(target)]
+Target: TypeAlias = Annotated[TargetModel, BeforeValidator(as_target)]
 
 
 class _DrawnModel(_InsideModel):
@@ -310,7 +310,7 @@ class PathModel(BaseModel):
     version: Version
     name: Name
     tool: str | None = None
-    base: Annotated[Any, BeforeValidator(base)] = "world"
+    base: Annotated[Any, BeforeValidator(as_base)] = "world"
     speed: SpeedModel = SpeedModel()
     wrist: Policy = WristModel(policy="cranks")
     orientation: Orienting = OrientationModel(rule="interpolated")
