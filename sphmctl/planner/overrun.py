@@ -1,7 +1,7 @@
 """Looks at the stream that a motion gives: by how much, and where, it goes beyond the bounds.
 
 Speeds and accelerations are differences over 4 ms, as a controller would see them, taken every
-2 ms so that the stream may begin at any instant.
+1 ms so that the stream may begin at any instant.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from sphmctl.planner.jerk import Pieces
 from sphmctl.planner.topp import SAMPLE_S, Caps
 from sphmctl.planner.track import Track
 
-LOOK_S = SAMPLE_S / 2.0
-"""Two phases of the 4 ms stream."""
+PHASES = 4
+"""Begins of the 4 ms stream that are looked at."""
 
 BLOCK = 50_000
 """Samples differentiated at a time; bounds the memory of long paths."""
@@ -36,30 +36,31 @@ class Use:
 
 def look(track: Track, pieces: Pieces, caps: Caps) -> Use:
     """The use of the bounds along the track."""
-    count = int(pieces.duration_s / LOOK_S) + 6
-    t = LOOK_S * (np.arange(count, dtype=np.float64) - 2.0)
+    step_s = SAMPLE_S / PHASES
+    count = int(pieces.duration_s / step_s) + 2 * PHASES + 2
+    t = step_s * (np.arange(count, dtype=np.float64) - PHASES)
     s = pieces.at(t)[0]
     speed, acceleration = np.zeros(count), np.zeros(count)
-    for low in range(0, count - 4, BLOCK):
-        part = slice(low, min(low + BLOCK + 4, count))
-        inner = slice(part.start + 2, part.stop - 2)
+    for low in range(0, count - 2 * PHASES, BLOCK):
+        part = slice(low, min(low + BLOCK + 2 * PHASES, count))
+        inner = slice(part.start + PHASES, part.stop - PHASES)
         speed[inner], acceleration[inner] = _shares(track, s[part], caps)
-    reach = int(np.ceil((pieces.filter_s / 2.0 + SAMPLE_S) / LOOK_S))
+    reach = int(np.ceil((pieces.filter_s / 2.0 + SAMPLE_S) / step_s))
     return Use(_spread(track, s, speed, reach), _spread(track, s, acceleration, reach))
 
 
 def _shares(track: Track, s: Floats, caps: Caps) -> tuple[Floats, Floats]:
-    """Shares (m - 4,) of the speeds and accelerations at the inner ones of s (m,)."""
+    """Shares (m - 2 PHASES,) of the speeds and accelerations at the inner ones of s (m,)."""
     values, interval = track.at(s)
-    rate = np.abs(values[3:-1] - values[1:-3]) / (2.0 * LOOK_S)
-    force = np.abs(values[4:] - 2.0 * values[2:-2] + values[:-4]) / SAMPLE_S**2
+    before, here, after = (slice(k * PHASES, len(s) - (2 - k) * PHASES) for k in range(3))
+    rate = np.abs(values[here] - values[before]) / SAMPLE_S
+    force = np.abs(values[after] - 2.0 * values[here] + values[before]) / SAMPLE_S**2
     # A difference that spans two moves is held against the more generous of their limits.
-    tool_speed = np.maximum(caps.tool_speed[interval[3:-1]], caps.tool_speed[interval[1:-3]])
-    tool_force = caps.tool_acceleration
-    tool_acceleration = np.maximum(tool_force[interval[4:]], tool_force[interval[:-4]])
+    tool_speed, tool_force = caps.tool_speed[interval], caps.tool_acceleration[interval]
     with np.errstate(divide="ignore", invalid="ignore"):
-        speed = _worst(rate, caps.joint_speeds, tool_speed)
-        acceleration = _worst(force, caps.joint_accelerations, tool_acceleration)
+        speed = _worst(rate, caps.joint_speeds, np.maximum(tool_speed[here], tool_speed[before]))
+        farthest = np.maximum(tool_force[after], tool_force[before])
+        acceleration = _worst(force, caps.joint_accelerations, farthest)
     return speed, acceleration
 
 

@@ -17,7 +17,7 @@ from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.planner.jerk import Pieces, make_pieces
 from sphmctl.planner.overrun import look
 from sphmctl.planner.topp import Bounds, Caps, fastest
-from sphmctl.planner.track import Indices, Track, make_track
+from sphmctl.planner.track import Track, make_track
 
 FILTER_S = 0.024
 """Length of the box filter: two cycles of 12 ms of the arm's interpolator."""
@@ -189,7 +189,8 @@ def _standing(values: Floats, s: Floats) -> TimeLaw:
     flat = np.zeros((2, 1, values.shape[1]))
     index = np.zeros(1, dtype=np.intp)
     track = Track(two, values[[0, 0]], flat, flat, index[:0], index, np.zeros(len(s), np.intp))
-    caps = Caps.of(Bounds(np.full(9, np.inf), np.full(9, np.inf)), replace(track, rows=none))
+    free, one = np.full(9, np.inf), np.ones(1)
+    caps = Caps(free, free, free[:1], free[:1], one, one)
     return TimeLaw(track, caps, Pieces(none, two, none, none, none[:1], 0.0), 0.0, 1.0, 0)
 
 
@@ -212,24 +213,24 @@ def _forbidden(track: Track, caps: Caps) -> Stuck | None:
 
 def _solved(track: Track, caps: Caps, filter_s: float) -> TimeLaw:
     """Solve, look at the stream, lower the bounds where it went beyond them, and again."""
-    optimal_s, pieces, worst = 0.0, None, np.inf
-    for rounds in range(1, ROUNDS + 1):
-        squared = fastest(track, caps)
-        pieces = make_pieces(track.s, squared, track.stops, filter_s)
-        if rounds == 1:
-            optimal_s = make_pieces(track.s, squared, track.stops, 0.0).duration_s
+    speeds, optimal_s, rounds = fastest(track, caps), 0.0, 0
+    while True:
+        pieces = make_pieces(track.s, speeds.x, track.stops, filter_s)
+        optimal_s = optimal_s or float(pieces.t[-1]) - filter_s * len(track.stops)
+        rounds += 1
         use = look(track, pieces, caps)
-        worst = max(float(use.speed.max()), float(np.sqrt(use.acceleration.max())))
-        if use.speed.max() <= EXCESS and use.acceleration.max() <= EXCESS:
-            return TimeLaw(track, caps, pieces, optimal_s, 1.0, rounds)
-        caps = replace(
-            caps,
-            speed_share=caps.speed_share / np.where(use.speed > EXCESS, use.speed, 1.0),
-            acceleration_share=caps.acceleration_share
-            / np.where(use.acceleration > EXCESS, use.acceleration, 1.0),
-        )
-    assert pieces is not None
-    return TimeLaw(track, caps, pieces, optimal_s, 1.0, ROUNDS).slowed(worst)
+        fast, hard = float(use.speed.max()), float(use.acceleration.max())
+        law = TimeLaw(track, caps, pieces, optimal_s, 1.0, rounds)
+        if fast <= EXCESS and hard <= EXCESS:
+            return law
+        if rounds == ROUNDS:
+            return law.slowed(max(fast, float(np.sqrt(hard))))
+        caps = caps.lowered(_excess(use.speed), _excess(use.acceleration))
+        speeds = fastest(track, caps, speeds)
+
+
+def _excess(use: Floats) -> Floats:
+    return np.where(use > EXCESS, use, 1.0)
 
 
 def _use(track: Track, caps: Caps, speed: Floats, acceleration: Floats) -> Floats:
@@ -248,4 +249,4 @@ def _use(track: Track, caps: Caps, speed: Floats, acceleration: Floats) -> Float
                 (np.linalg.norm(force[:, -3:], axis=1) / caps.tool_acceleration[interval])[:, None],
             ]
         )
-    return np.nan_to_num(shares, nan=0.0)
+    return np.asarray(np.nan_to_num(shares, nan=0.0))

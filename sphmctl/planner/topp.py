@@ -8,14 +8,14 @@ begin and q' (y - x) / 2h + q'' y at its end: each limit is |c x + d y| <= A, li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sphmctl.motion import Floats
 from sphmctl.planner.track import Track
 
-CHUNK = 4096
+CHUNK = 1024
 """Intervals worked on at once: their lines stay in the processor's cache."""
 
 TOOL_SIDES = 24
@@ -31,6 +31,12 @@ SHORTEST_S = 0.001
 
 TINY = 1e-12
 """Least share of d by c: a limit that does not depend on y is one that hardly does."""
+
+STRAIGHT = 1e-6
+"""Share of its acceleration that the tool may take across its path and still be on a line."""
+
+PEAK_STEPS = 50
+"""Of the search for the highest speed: each crosses to another pair of lines, most need 4."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +84,52 @@ class Caps:
         full = np.ones(len(track.given))
         return Caps(bounds.joint_speeds, bounds.joint_accelerations, *tool, full, full)
 
+    def lowered(self, speed: Floats, acceleration: Floats) -> Caps:
+        """The same with shares divided by these, (N,)."""
+        return replace(
+            self,
+            speed_share=self.speed_share / speed,
+            acceleration_share=self.acceleration_share / acceleration,
+        )
 
-def fastest(track: Track, caps: Caps) -> Floats:
-    """Squared speed (N + 1,) at the track's rows, at rest at both ends and at its stops."""
+
+@dataclass(frozen=True)
+class Speeds:
+    """Squared speeds (N + 1,) at a track's rows.
+
+    Attributes:
+        caps: what they were made for.
+        ceiling: the highest within the speed limits.
+        controllable: the highest from which the end can still be reached at rest.
+        x: the highest that also the begin leads to.
+    """
+
+    caps: Caps
+    ceiling: Floats
+    controllable: Floats
+    x: Floats
+
+
+def fastest(track: Track, caps: Caps, last: Speeds | None = None) -> Speeds:
+    """The highest speeds, at rest at both ends and at the stops.
+
+    Args:
+        last: speeds for other caps; where these did not change they are taken over.
+    """
     ceiling = speed_ceiling(track, caps)
-    return _forward(track, caps, _backward(track, caps, ceiling))
+    parts = [slice(low, low + CHUNK) for low in range(0, len(track.given), CHUNK)]
+    same = [last is not None and _same(part, caps, ceiling, last) for part in parts]
+    controllable = _backward(track, caps, ceiling, parts, same, last)
+    return Speeds(
+        caps, ceiling, controllable, _forward(track, caps, controllable, parts, same, last)
+    )
+
+
+def _same(part: slice, caps: Caps, ceiling: Floats, last: Speeds) -> bool:
+    rows = slice(part.start, part.stop + 1)
+    return np.array_equal(ceiling[rows], last.ceiling[rows]) and np.array_equal(
+        caps.acceleration_share[part], last.caps.acceleration_share[part]
+    )
 
 
 def speed_ceiling(track: Track, caps: Caps) -> Floats:
@@ -113,85 +160,160 @@ def _over_bends(track: Track, caps: Caps) -> Floats:
     return np.asarray(np.minimum(joints.min(axis=1), tool) * share)
 
 
-def _lines(track: Track, caps: Caps, part: slice) -> tuple[Floats, Floats, Floats]:
-    """c, d and A, each (r, m), of the limits |c x + d y| <= A in some intervals."""
-    moving = np.any(track.values != track.values[0], axis=0)
-    use = np.flatnonzero(moving[:-3] & np.isfinite(caps.joint_accelerations))
+@dataclass(frozen=True)
+class _Lines:
+    """Limits |a u + b x| <= A of r intervals at both their ends, m of each; u is acceleration."""
+
+    a: Floats
+    b: Floats
+    limit: Floats
+    half: Floats
+
+    def solved_for_y(self) -> tuple[Floats, Floats]:
+        """P and R, each (r, 2 m), of -P <= y + R x <= P."""
+        c, d, limit = self.flat()
+        least = TINY * np.abs(c) + np.finfo(np.float64).tiny
+        d = np.where(np.abs(d) < least, least, d)
+        return limit / np.abs(d), c / d
+
+    def flat(self) -> tuple[Floats, Floats, Floats]:
+        """c, d and A, each (r, 2 m), of |c x + d y| <= A."""
+        a = self.a * self.half[:, None]
+        c = np.hstack([self.b[0] - a[0], -a[1]])
+        d = np.hstack([a[0], self.b[1] + a[1]])
+        return c, d, np.hstack([self.limit, self.limit])
+
+    def near(self, x: Floats) -> _Lines:
+        """Without the limits that nothing can reach at squared speeds up to x (r + 1,)."""
+        ends = np.stack([x[:-1], x[1:]])[:, :, None]
+        a, bent = np.abs(self.a), np.abs(self.b) * ends
+        with np.errstate(divide="ignore", invalid="ignore"):
+            hardest = np.where(a > 0.0, (self.limit + bent) / a, np.inf).min(axis=(0, 2))
+            reached = np.where(a > 0.0, a * hardest[:, None], 0.0) + bent
+        use = (reached >= self.limit).any(axis=(0, 1))
+        return _Lines(self.a[:, :, use], self.b[:, :, use], self.limit[:, use], self.half)
+
+
+def _lines(track: Track, caps: Caps, part: slice) -> _Lines:
+    """The limits of joints and tool in some intervals."""
     first, second = track.first[:, part], track.second[:, part]
+    moving = first.any(axis=(0, 1))
+    use = np.flatnonzero(moving[:-3] & np.isfinite(caps.joint_accelerations))
     a, b = first[:, :, use], second[:, :, use]
     limit = np.broadcast_to(caps.joint_accelerations[use], a.shape[1:])
-    if np.any(moving[-3:]) and np.isfinite(caps.tool_acceleration[part]).any():
-        tool_a, tool_b = _tool_lines(first[:, :, -3:], second[:, :, -3:])
+    tool = caps.tool_acceleration[part]
+    if moving[-3:].any() and np.isfinite(tool).any():
+        tool_a, tool_b, inside = _tool_lines(first[:, :, -3:], second[:, :, -3:])
         a, b = np.concatenate([a, tool_a], axis=2), np.concatenate([b, tool_b], axis=2)
-        inside = caps.tool_acceleration[part, None] * np.cos(np.pi / TOOL_SIDES)
-        limit = np.hstack([limit, np.broadcast_to(inside, tool_a.shape[1:])])
-    limit = limit * caps.acceleration_share[part, None]
-    half = 0.5 / np.diff(track.s)[part, None]
-    c = np.hstack([b[0] - a[0] * half, -a[1] * half])
-    d = np.hstack([a[0] * half, b[1] + a[1] * half])
-    return c, d, np.hstack([limit, limit])
+        limit = np.hstack([limit, np.broadcast_to(inside * tool[:, None], tool_a.shape[1:])])
+    rows = slice(part.start, part.stop + 1)
+    share = caps.acceleration_share[part, None]
+    return _Lines(a, b, limit * share, 0.5 / np.diff(track.s[rows]))
 
 
-def _tool_lines(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Slope and bend of the tool's way (2, r, 3) towards each side of the polygon."""
+def _tool_lines(first: Floats, second: Floats) -> tuple[Floats, Floats, float]:
+    """Slope and bend of the tool's way (2, r, k) towards the sides of the polygon, their radius."""
     speed = np.linalg.norm(first, axis=2, keepdims=True)
     along = np.divide(first, speed, out=np.zeros_like(first), where=speed > 0.0)
     forward = np.sum(second * along, axis=2, keepdims=True)
     across = np.linalg.norm(second - forward * along, axis=2, keepdims=True)
+    if not across.any():
+        return speed, forward, 1.0
     angle = (np.arange(TOOL_SIDES // 2) + 0.5) * 2.0 * np.pi / TOOL_SIDES
-    return speed * np.cos(angle), forward * np.cos(angle) + across * np.sin(angle)
+    a, b = speed * np.cos(angle), forward * np.cos(angle) + across * np.sin(angle)
+    return a, b, float(np.cos(np.pi / TOOL_SIDES))
 
 
-def _solved_for_y(c: Floats, d: Floats, limit: Floats) -> tuple[Floats, Floats]:
-    """P and R of -P <= y + R x <= P."""
-    least = TINY * np.abs(c) + np.finfo(np.float64).tiny
-    d = np.where(np.abs(d) < least, least, d)
-    return limit / np.abs(d), c / d
+def _peak(lines: _Lines, x_cap: Floats, y_cap: Floats) -> Floats:
+    """Largest x (r,) up to x_cap for which some y from 0 to y_cap keeps every limit.
 
-
-def _peak(c: Floats, d: Floats, limit: Floats, x_cap: Floats, y_cap: Floats) -> Floats:
-    """Largest x (r,) for which any y from 0 to y_cap keeps all lines: y eliminated by pairs."""
-    P, R = (each.T for each in _solved_for_y(c, d, limit))
+    The room for y is a concave function of x: Newton's steps from above end at its last zero.
+    """
+    P, R = lines.solved_for_y()
     x = x_cap.copy()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for top in range(len(P)):
-            gap = np.abs(R[top + 1 :] - R[top])
-            meet = np.where(gap > 0.0, (P[top + 1 :] + P[top]) / gap, np.inf)
-            x = np.minimum(x, meet.min(axis=0, initial=np.inf))
-        edge = np.where(R > 0.0, P / R, np.where(R < 0.0, -(y_cap + P) / R, np.inf))
-    return np.asarray(np.minimum(x, edge.min(axis=0, initial=np.inf)))
+    left = np.arange(len(x))
+    for _ in range(PEAK_STEPS):
+        shift = R * x[left, None]
+        rows = np.arange(len(left))
+        top, bottom = P - shift, -P - shift
+        upper, lower = top.argmin(axis=1), bottom.argmax(axis=1)
+        high, low = top[rows, upper], bottom[rows, lower]
+        fall = np.where(high < y_cap, R[rows, upper], 0.0) - np.where(
+            low > 0.0, R[rows, lower], 0.0
+        )
+        room = np.minimum(high, y_cap) - np.maximum(low, 0.0)
+        over = (room < -TINY * (np.abs(high) + np.abs(low))) & (fall > 0.0)
+        if not over.any():
+            break
+        left, P, R, y_cap = left[over], P[over], R[over], y_cap[over]
+        x[left] = np.maximum(x[left] + room[over] / fall[over], 0.0)
+    return x
 
 
-def _parts(count: int) -> list[slice]:
-    return [slice(low, min(low + CHUNK, count)) for low in range(0, count, CHUNK)]
-
-
-def _backward(track: Track, caps: Caps, ceiling: Floats) -> Floats:
+def _backward(
+    track: Track,
+    caps: Caps,
+    ceiling: Floats,
+    parts: list[slice],
+    same: list[bool],
+    last: Speeds | None,
+) -> Floats:
     """Largest squared speed (N + 1,) from which the path's end can still be reached at rest."""
     out = ceiling.copy()
-    k = 0.0
-    for part in reversed(_parts(len(track.given))):
-        c, d, limit = _lines(track, caps, part)
-        peak = _peak(c, d, limit, ceiling[part], ceiling[part.start + 1 : part.stop + 1])
+    for part, unchanged in zip(reversed(parts), reversed(same), strict=True):
+        x = out[part.start : part.stop + 1]
+        if unchanged and last is not None and x[-1] == last.controllable[part.start + len(x) - 1]:
+            x[:] = last.controllable[part.start : part.stop + 1]
+            continue
+        lines = _lines(track, caps, part)
+        x[:-1] = _peak(lines, x[:-1], x[1:])
+        c, d, limit = lines.near(x).flat()
         # Of the lines above x only those that rise with y can hold it below its peak.
         rising = c * d < 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             level = np.where(rising, limit / np.abs(c), np.inf)
             slope = np.where(rising, -d / c, 0.0)
-        for row in range(part.stop - part.start - 1, -1, -1):
-            k = min(float(peak[row]), float((level[row] + slope[row] * k).min(initial=np.inf)))
-            out[part.start + row] = k
+        x[:] = _swept(level[::-1], slope[::-1], x[::-1])[::-1]
     return out
 
 
-def _forward(track: Track, caps: Caps, controllable: Floats) -> Floats:
+def _forward(
+    track: Track,
+    caps: Caps,
+    controllable: Floats,
+    parts: list[slice],
+    same: list[bool],
+    last: Speeds | None,
+) -> Floats:
     """The largest squared speed (N + 1,) at each row after the largest at the one before."""
     out = controllable.copy()
-    x = 0.0
-    for part in _parts(len(track.given)):
-        P, R = _solved_for_y(*_lines(track, caps, part))
-        for row in range(part.stop - part.start):
-            highest = float((P[row] - R[row] * x).min(initial=np.inf))
-            x = max(min(float(out[part.start + row + 1]), highest), 0.0)
-            out[part.start + row + 1] = x
+    for part, unchanged in zip(parts, same, strict=True):
+        rows = slice(part.start, part.stop + 1)
+        x = out[rows]
+        if (
+            unchanged
+            and last is not None
+            and x[0] == last.x[part.start]
+            and np.array_equal(x[1:], last.controllable[rows][1:])
+        ):
+            x[:] = last.x[rows]
+            continue
+        P, R = _lines(track, caps, part).near(x).solved_for_y()
+        x[:] = _swept(P, -R, x)
+    return out
+
+
+def _swept(level: Floats, slope: Floats, highest: Floats) -> list[float]:
+    """Row by row the least of `highest` (r + 1,) and of all level + slope x (r, k) of the last."""
+    x = float(highest[0])
+    out = [x]
+    for top, levels, slopes in zip(
+        highest[1:].tolist(), level.tolist(), slope.tolist(), strict=True
+    ):
+        for a, b in zip(levels, slopes, strict=True):
+            y = a + b * x
+            if y < top:
+                top = y
+        x = max(0.0, top)
+        out.append(x)
     return out
