@@ -14,11 +14,11 @@ from urllib.parse import quote
 
 import numpy as np
 
-from sphmctl.daemon import charts
 from sphmctl.daemon.assess import PointResult, Skew, SkewTrace, Tracking
-from sphmctl.daemon.charts import Chart, Line, Mark, safe
 from sphmctl.daemon.report_style import STYLE
 from sphmctl.motion import JOINT_NAMES, Floats
+from sphmctl.pictures import charts
+from sphmctl.pictures.charts import Chart, Line, Mark, safe
 
 JOINT_SPAN_DEG = 2.0
 """A joint's panel never shows less, deg: a standing joint shall look still, not noisy."""

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from sphmctl.daemon import charts
 from sphmctl.daemon.assess import PointResult, Skew, SkewTrace, Tracking
 from sphmctl.daemon.report import Event, ReportInput, Trace, page, write_report
 from sphmctl.motion import JOINT_NAMES
+from sphmctl.pictures import charts
 
 POSE = (623.563, -0.0049, 0.0, -179.9995, 0.0, 180.0)
 
