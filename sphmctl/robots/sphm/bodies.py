@@ -6,7 +6,7 @@ The arm's come from the corner points of its meshes in ros-industrial/kuka_exper
 views only. The wrist's lengths are the paper's (Elsamanty et al., Appl. Sci. 2023, 13, 2088); its
 thicknesses are guesses, for the paper prints none, and are said to be guesses where they stand.
 
-Which pairs are looked at (PAIRS), and why no others:
+Which pairs are looked at (CHECKS), and why no others:
 - neighbours on the arm (and link arm with base, link arm with forearm) meet in their joints or
   nearly, and KUKA's axis ranges keep the rest of them apart;
 - the elbow stays clear of the turret at every A2, and of the wrist without a tool at every A5;
@@ -26,14 +26,20 @@ from sphmctl.robots.capsules import between_segments, to_box, to_plane
 from sphmctl.robots.kr6_model import (
     AXIS2_FORWARD_M,
     AXIS2_HEIGHT_M,
-    FLANGE_M,
     FOREARM_OFFSET_M,
     UPPER_ARM_M,
 )
 from sphmctl.robots.sphm.chain import ADAPTER_M, NO_TOOL
 
-BLOCK = 1024
-"""Samples per piece: the work arrays then stay in the cache."""
+BLOCK = 8192
+"""Samples per piece: enough that Python's part does not count, and memory stays flat."""
+
+OBSTACLE_BLOCK = 512
+"""The same for obstacles, which look at all bodies of each sample at once."""
+
+PAIR_BLOCK = 200
+"""Samples of twenty bodies at once: one work array then stays below the 128 kB above which the C
+library asks the kernel for each anew, which doubles the time."""
 
 FAR_M = 0.020
 """Larger gaps within the robot are told as this: nobody has to care about them."""
@@ -46,9 +52,11 @@ LINK_ARM_HULL_M = 0.142  # both capsules, 50 mm beside the middle
 ELBOW_HULL_M = 0.125
 FOREARM_HULL_M = 0.155  # elbow, forearm and hand about the line from elbow to fork
 A5_FREE_RAD = float(np.radians(85.0))
-"""Below this angle of A5 the wrist stays more than FAR_M from the forearm at any A6 and cranks."""
+A5_FREE_PLATFORM_RAD = float(np.radians(105.0))
+"""Below these angles of A5 servos and legs, and platform and tool, stay more than FAR_M from the
+forearm at any A6 and cranks."""
 TOOL_FREE_M = 0.100
-"""A tool up to this long stays as far from it below A5_FREE_RAD, whichever way it points."""
+"""A tool up to this long stays as far from it below that, whichever way it points."""
 
 RIM_POINTS = 6
 """Corners of the platform's rim; between two of them the disc swells by 7.5 mm, less than RIM_M."""
@@ -75,54 +83,71 @@ TOOL_TIP_M = 0.010
 60 degrees does not collide with what it draws on."""
 
 
-@dataclass(frozen=True)
-class Body:
-    """A capsule: what it is called in messages, and its radius."""
-
-    group: str
-    radius_m: float
-
-
-# In the order in which `_arm_segments` and `_wrist_segments` lay them.
-ARM_BODIES: tuple[Body, ...] = (
-    Body("base", 0.150),  # foot 204 x 204 mm
-    Body("base", 0.130),  # its connectors, to x = -194
-    Body("turret", 0.125),  # link 1 about axis 1
-    Body("turret", 0.095),  # the same along axis 2, to y = +-129
-    Body("link arm", 0.092),  # link 2: 258 mm wide, 140 deep; two side by side
-    Body("link arm", 0.092),
-    Body("elbow", 0.085),  # link 3 along axis 3
-    Body("forearm", 0.066),  # links 3 and 4 about axis 4
-    Body("forearm", 0.052),  # link 4's fork: 106 mm wide, 104 deep; two side by side
-    Body("forearm", 0.052),
-    Body("hand", 0.053),  # link 5
-)
-WRIST_BODIES: tuple[Body, ...] = (
-    *[Body("servos", SERVO_M)] * 3,
-    *[Body("legs", CRANK_M)] * 3,
-    *[Body("legs", COUPLER_M)] * 3,
-    *[Body("platform", RIM_M)] * (RIM_POINTS + RIM_POINTS // 2),
-    Body("tool", TOOL_M),
-)
-BODIES = ARM_BODIES + WRIST_BODIES
-LINK_ARM, ELBOW, HAND = 4, 6, len(ARM_BODIES) - 1
 HAND_LENGTH_M = 0.030
 """Link 5's capsule begins in the wrist centre; its far end then lies on the flange."""
 
-GROUPS = tuple(dict.fromkeys(body.group for body in BODIES))
-FIXED_GROUPS = ("base",)
-"""They stand still, so that no motion brings them to an obstacle (and the table bears them)."""
-RADII_M: Floats = np.array([body.radius_m for body in BODIES])
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A capsule of the arm: its name in messages, its axis in its link's frame, m.
+
+    Links count from 0, the base. With A1..A6 = 0 every frame has x along the arm and z up; link 1
+    has its origin at axis 1 on the floor, 2 at axis 2, 3 at axis 3, 4 on axis 4 above axis 3.
+    """
+
+    group: str
+    radius_m: float
+    link: int
+    begin_m: Triple
+    end_m: Triple
+
+
+ARM_BODIES: tuple[Body, ...] = (
+    Body("base", 0.150, 0, (0.0, 0.0, 0.050), (0.0, 0.0, 0.180)),  # foot 204 x 204 mm
+    Body("base", 0.130, 0, (0.0, 0.0, 0.083), (-0.135, 0.0, 0.083)),  # plugs, to x = -194
+    Body("turret", 0.125, 1, (0.0, 0.0, 0.270), (0.0, 0.0, 0.400)),  # about axis 1
+    Body("turret", 0.095, 1, (0.0, -0.075, 0.400), (0.0, 0.075, 0.400)),  # along axis 2, 258 wide
+    Body("link arm", 0.092, 2, (0.0, -0.050, 0.0), (0.455, -0.050, 0.0)),  # 258 wide, 140 deep:
+    Body("link arm", 0.092, 2, (0.0, 0.050, 0.0), (0.455, 0.050, 0.0)),  # two side by side
+    Body("elbow", 0.085, 3, (0.025, -0.040, 0.005), (0.025, 0.040, 0.005)),  # along axis 3
+    Body("forearm", 0.066, 3, (0.060, 0.0, 0.035), (0.280, 0.0, 0.035)),  # about axis 4
+    Body("forearm", 0.052, 4, (0.300, -0.020, 0.0), (0.415, -0.020, 0.0)),  # fork: 106 wide, 104
+    Body("forearm", 0.052, 4, (0.300, 0.020, 0.0), (0.415, 0.020, 0.0)),  # deep: two again
+    Body("hand", 0.053, 4, (0.420, 0.0, 0.0), (0.420, 0.0, 0.0)),  # link 5; its end: `_lay_arm`
+)
+LINK_ARM, ELBOW, HAND = 4, 6, len(ARM_BODIES) - 1
+# In the order in which `_lay_wrist` lays them.
+WRIST_BODIES: tuple[tuple[str, float], ...] = (
+    *[("servos", SERVO_M)] * 3,
+    *[("legs", CRANK_M)] * 3,
+    *[("legs", COUPLER_M)] * 3,
+    *[("platform", RIM_M)] * (RIM_POINTS + RIM_POINTS // 2),
+    ("tool", TOOL_M),
+)
+BODY_GROUPS = (*[body.group for body in ARM_BODIES], *[group for group, _ in WRIST_BODIES])
+"""Which group each body belongs to, in the order of `segments`."""
+RADII_M: Floats = np.array([body.radius_m for body in ARM_BODIES] + [r for _, r in WRIST_BODIES])
+GROUPS = tuple(dict.fromkeys(BODY_GROUPS))
+MOVING_GROUPS = GROUPS[1:]
+"""The base stands still: no motion brings it to an obstacle, and the table bears it."""
+_MEMBERS = {group: [i for i, other in enumerate(BODY_GROUPS) if other == group] for group in GROUPS}
 
 OF_WRIST = ("servos", "legs", "platform", "tool")
-PAIRS: tuple[tuple[str, str], ...] = (
-    *[(ours, "forearm") for ours in OF_WRIST],
-    *[(ours, other) for ours in OF_WRIST for other in ("link arm", "turret", "base")],
-    ("tool", "elbow"),
-    ("elbow", "base"),
-    *[(ours, other) for ours in ("forearm", "hand") for other in ("turret", "base")],
+CHECKS: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("servos", "legs"), "forearm"),
+    (("platform", "tool"), "forearm"),
+    (OF_WRIST, "link arm"),
+    (OF_WRIST, "turret"),
+    (OF_WRIST, "base"),
+    (("tool",), "elbow"),
+    (("forearm", "hand"), "turret"),
+    (("elbow", "forearm", "hand"), "base"),
 )
-"""Which groups `clearances` compares: the column's names."""
+"""Which groups are compared with which; those of one line are looked at in the same samples."""
+PAIRS = tuple((ours, other) for groups, other in CHECKS for ours in groups)
+"""What the columns of `clearances` are."""
 
 
 @dataclass(frozen=True)
@@ -157,21 +182,17 @@ Obstacle = Box | Plane
 def segments(
     joints: ArrayLike, tool: ArrayLike | None = None, mount_yaw: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """The axes of all BODIES in the arm's base frame: begin and extent, each (3, bodies, n).
+    """The axes of all bodies in the arm's base frame: begin and extent, each (3, bodies, n).
 
     Args:
         joints: rad, (n, 9).
         tool: the tool's frame on the platform, (4, 4); None for none.
     """
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
-    tip = (NO_TOOL if tool is None else np.asarray(tool, dtype=np.float64))[:3, 3]
-    ends = np.empty((2, 3, len(BODIES), len(q)))
-    flange = np.ascontiguousarray(kr6.forward(q[:, :6])[:, :3].transpose(1, 2, 0))
-    _lay_arm(q, ends)
-    ends[0, :, HAND] = flange[:, 3] - FLANGE_M * flange[:, 2]
-    ends[1, :, HAND] = flange[:, 3] - (FLANGE_M - HAND_LENGTH_M) * flange[:, 2]
-    _lay_wrist(q[:, 6:], flange, tip, mount_yaw, ends[:, :, len(ARM_BODIES) :])
-    return ends[0], ends[1] - ends[0]
+    flange = _flange(q)
+    wrist = _lay_wrist(q[:, 6:], flange, _tip(tool), mount_yaw)
+    begin, end = np.concatenate([_lay_arm(q, flange), wrist], axis=2)
+    return begin, end - begin
 
 
 def clearances(joints: ArrayLike, tool: ArrayLike | None = None, mount_yaw: float = 0.0) -> Floats:
@@ -182,53 +203,68 @@ def clearances(joints: ArrayLike, tool: ArrayLike | None = None, mount_yaw: floa
     """
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
     out = np.full((len(q), len(PAIRS)), FAR_M)
-    length_m = 0.0 if tool is None else float(np.linalg.norm(np.asarray(tool)[:3, 3]))
+    length_m = float(np.linalg.norm(_tip(tool)))
     for i in range(0, len(q), BLOCK):
-        near = _near(q[i : i + BLOCK], length_m)
-        some = np.flatnonzero(np.logical_or.reduce(list(near.values())))
-        p, d = segments(q[i + some], tool, mount_yaw)
-        for other, group_columns in _BY_OTHER:
-            rows = np.flatnonzero(near[other][some])
-            gap = _gaps(p, d, _OURS[other], _MEMBERS[other], rows)
-            for column, ours in group_columns:
-                out[i + some[rows], column] = np.minimum(gap[ours].min(axis=0), FAR_M)
+        block = q[i : i + BLOCK]
+        flange = _flange(block)
+        arm = _lay_arm(block, flange)
+        near = _near(block[:, 4], flange, arm, length_m)
+        some = np.flatnonzero(np.logical_or.reduce(near))
+        wrist = _lay_wrist(block[some, 6:], flange[..., some], _tip(tool), mount_yaw)
+        p, q_end = np.concatenate([arm[..., some], wrist], axis=2)
+        columns = iter(range(len(PAIRS)))
+        for (groups, other), mask in zip(CHECKS, near, strict=True):
+            rows = np.flatnonzero(mask[some])
+            ours = [_MEMBERS[group] for group in groups]
+            gap = _gaps(
+                p, q_end - p, [k for members in ours for k in members], _MEMBERS[other], rows
+            )
+            for members in ours:
+                least = np.minimum(gap[: len(members)].min(axis=0), FAR_M)
+                out[i + some[rows], next(columns)] = least
+                gap = gap[len(members) :]
     return out
 
 
-def _near(q: Floats, tool_m: float) -> dict[str, NDArray[np.bool_]]:
-    """Which rows of joints (n, 9) may have a gap below FAR_M to each of the groups.
+def _near(a5: Floats, flange: Floats, arm: Floats, tool_m: float) -> list[NDArray[np.bool_]]:
+    """Which samples may have a gap below FAR_M, for each of the CHECKS.
 
-    The hulls: a ball about the wrist and its tool, a capsule about elbow, forearm and hand, one
-    about both halves of the link arm, one about turret and base.
+    The hulls: a ball about the wrist and its tool, a capsule about elbow, forearm and hand, and one
+    about both halves of the link arm. Rows without numbers count as near.
     """
-    flange = np.ascontiguousarray(kr6.forward(q[:, :6])[:, :3].transpose(1, 2, 0))
     centre = flange[:, 3] + (ADAPTER_M + HULL_HEIGHT_M) * flange[:, 2]
-    ends = np.empty((2, 3, len(ARM_BODIES), len(q)))
-    _lay_arm(q, ends)
     ball_m = max(HULL_M, TOOL_HULL_M + tool_m) + FAR_M
-    nothing = np.zeros((3, 1))
+    begin, extent = arm[0], arm[1] - arm[0]
+    elbow, fork = arm[:, :, ELBOW].mean(axis=0), arm[1, :, HAND - 2 : HAND].mean(axis=1)
+    link = slice(LINK_ARM, LINK_ARM + 2)
 
-    def to_ball(begin: Floats, end: Floats, radius_m: float) -> NDArray[np.bool_]:
-        gap = between_segments(begin, end - begin, centre, nothing)
-        return np.asarray(~(gap > radius_m + ball_m))  # rows without numbers are near
+    def to_ball(begin: Floats, extent: Floats, radius_m: float) -> NDArray[np.bool_]:
+        gap = between_segments(begin, extent, centre, np.zeros((3, 1)))
+        return np.asarray(~(gap > radius_m + ball_m))
 
-    def to_arm(body: int) -> NDArray[np.bool_]:
-        gap = between_segments(elbow, fork - elbow, ends[0, :, body], extent[:, body])
-        return np.asarray(~(gap > FOREARM_HULL_M + RADII_M[body] + FAR_M))
+    def ball_near(group: str) -> NDArray[np.bool_]:
+        near = [to_ball(begin[:, k], extent[:, k], RADII_M[k]) for k in _MEMBERS[group]]
+        return np.asarray(np.logical_or.reduce(near))
 
-    extent = ends[1] - ends[0]
-    elbow, fork = ends[:, :, ELBOW].mean(axis=0), ends[1, :, HAND - 2 : HAND].mean(axis=1)
-    link = ends[:, :, LINK_ARM : LINK_ARM + 2].mean(axis=2)
-    near = {
-        "forearm": ~(np.abs(q[:, 4]) < A5_FREE_RAD) | (tool_m > TOOL_FREE_M),
-        "link arm": to_ball(link[0], link[1], LINK_ARM_HULL_M),
-        "elbow": to_ball(elbow, elbow, ELBOW_HULL_M),
-    }
-    for group in ("turret", "base"):
-        near[group] = np.logical_or.reduce(
-            [to_arm(k) | to_ball(ends[0, :, k], ends[1, :, k], RADII_M[k]) for k in _MEMBERS[group]]
-        )
-    return near
+    def arm_near(group: str) -> NDArray[np.bool_]:
+        near = [
+            between_segments(elbow, fork - elbow, begin[:, k], extent[:, k])
+            <= FOREARM_HULL_M + RADII_M[k] + FAR_M
+            for k in _MEMBERS[group]
+        ]
+        return np.asarray(np.logical_or.reduce(near))
+
+    long = tool_m > TOOL_FREE_M
+    return [
+        ~(np.abs(a5) < A5_FREE_RAD),
+        ~(np.abs(a5) < A5_FREE_PLATFORM_RAD) | long,
+        to_ball(begin[:, link].mean(axis=1), extent[:, link].mean(axis=1), LINK_ARM_HULL_M),
+        ball_near("turret"),
+        ball_near("base"),
+        ball_near("elbow"),
+        arm_near("turret"),
+        arm_near("base"),
+    ]
 
 
 def obstacle_clearances(
@@ -243,12 +279,12 @@ def obstacle_clearances(
     """
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
     out = np.empty((len(q), len(obstacles), len(MOVING_GROUPS)))
-    for i in range(0, len(q), BLOCK):
-        p, d = segments(q[i : i + BLOCK], tool, mount_yaw)
+    for i in range(0, len(q), OBSTACLE_BLOCK):
+        p, d = segments(q[i : i + OBSTACLE_BLOCK], tool, mount_yaw)
         for j, obstacle in enumerate(obstacles):
             gap = obstacle.distance(p, d) - RADII_M[:, None]
             for k, group in enumerate(MOVING_GROUPS):
-                out[i : i + BLOCK, j, k] = gap[_MEMBERS[group]].min(axis=0)
+                out[i : i + OBSTACLE_BLOCK, j, k] = gap[_MEMBERS[group]].min(axis=0)
     return out.reshape(len(q), -1)
 
 
@@ -257,80 +293,63 @@ def obstacle_pairs(obstacles: tuple[Obstacle, ...]) -> tuple[tuple[str, str], ..
     return tuple((group, obstacle.name) for obstacle in obstacles for group in MOVING_GROUPS)
 
 
-MOVING_GROUPS = tuple(group for group in GROUPS if group not in FIXED_GROUPS)
-_MEMBERS = {group: [i for i, body in enumerate(BODIES) if body.group == group] for group in GROUPS}
-# What is compared with each group on the far side: all bodies at once, then each column's share.
-_OURS = {
-    other: [i for ours, theirs in PAIRS if theirs == other for i in _MEMBERS[ours]]
-    for other in dict.fromkeys(theirs for _, theirs in PAIRS)
-}
-_BY_OTHER = [
-    (
-        other,
-        [
-            (column, [ours.index(i) for i in _MEMBERS[pair[0]]])
-            for column, pair in enumerate(PAIRS)
-            if pair[1] == other
-        ],
-    )
-    for other, ours in _OURS.items()
-]
-
-
 def _gaps(
     p: Floats, d: Floats, ours: list[int], theirs: list[int], rows: NDArray[np.int64]
 ) -> Floats:
     """The gap (ours, rows) between each of our bodies and the nearest of theirs."""
-    mine = p[:, ours][..., rows], d[:, ours][..., rows]
-    nearest = np.full((len(ours), len(rows)), np.inf)
-    for k in theirs:
-        gap = between_segments(*mine, p[:, k][:, None, rows], d[:, k][:, None, rows])
-        nearest = np.minimum(nearest, gap - (RADII_M[ours] + RADII_M[k])[:, None])
-    return nearest
+    out = np.full((len(ours), len(rows)), np.inf)
+    for i in range(0, len(rows), PAIR_BLOCK):
+        part = rows[i : i + PAIR_BLOCK]
+        mine = p[:, np.array(ours)[:, None], part], d[:, np.array(ours)[:, None], part]
+        nearest = out[:, i : i + PAIR_BLOCK]
+        for k in theirs:
+            gap = between_segments(*mine, p[:, k][:, None, part], d[:, k][:, None, part])
+            np.minimum(nearest, gap - (RADII_M[ours] + RADII_M[k])[:, None], out=nearest)
+    return out
 
 
-def _lay_arm(q: Floats, ends: Floats) -> None:
+def _tip(tool: ArrayLike | None) -> Floats:
+    """The tool's point on the platform (3,)."""
+    return np.asarray(NO_TOOL if tool is None else tool, dtype=np.float64)[:3, 3]
+
+
+def _flange(q: Floats) -> Floats:
+    """The flange's x, y, z and point as (3, 4, n)."""
+    return np.ascontiguousarray(kr6.forward(q[:, :6])[:, :3].transpose(1, 2, 0))
+
+
+def _lay_arm(q: Floats, flange: Floats) -> Floats:
     """Both ends of the ARM_BODIES' axes (2, 3, bodies, n), as `kr6.forward` has the joints."""
     a1, a2, a3, a4 = q[:, :4].T
-    c1, s1, c2, s2 = np.cos(a1), np.sin(a1), np.cos(a2), np.sin(a2)
-    cb, sb, c4, s4 = np.cos(a2 + a3), np.sin(a2 + a3), np.cos(a4), np.sin(a4)
-    elbow = AXIS2_FORWARD_M + UPPER_ARM_M * c2, AXIS2_HEIGHT_M - UPPER_ARM_M * s2
+    zero, one = np.zeros(len(q)), np.ones(len(q))
+    c1, s1, c4, s4 = np.cos(a1), np.sin(a1), np.cos(a4), np.sin(a4)
+    up, side = np.stack([zero, zero, one]), np.stack([s1, c1, zero])
 
-    def lay(body: int, end: int, radius: ArrayLike, side: ArrayLike, height: ArrayLike) -> None:
-        """One end, given in the arm's plane and beside it."""
-        ends[end, 0, body] = c1 * radius + s1 * side
-        ends[end, 1, body] = c1 * side - s1 * radius
-        ends[end, 2, body] = height
+    def frame(pitch: Floats, origin: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """x, y, z and origin of a link in the arm's plane, tilted down by a pitch."""
+        c, s = np.cos(pitch), np.sin(pitch)
+        return np.stack([c * c1, -c * s1, -s]), side, np.stack([s * c1, -s * s1, c]), origin
 
-    def on_forearm(
-        along: float, side: ArrayLike, up: ArrayLike
-    ) -> tuple[Floats, ArrayLike, Floats]:
-        """A point of the forearm's frame at axis 3, in the arm's plane and beside it."""
-        return elbow[0] + along * cb + up * sb, side, elbow[1] - along * sb + up * cb
-
-    for end, z in enumerate((0.05, 0.18)):
-        ends[end, :, 0] = np.array([[0.0], [0.0], [z]])
-    for end, x in enumerate((0.0, -0.135)):
-        ends[end, :, 1] = np.array([[x], [0.0], [0.083]])
-    for end, z in enumerate((0.27, 0.40)):
-        lay(2, end, 0.0, 0.0, z)
-    for end, side in enumerate((-0.075, 0.075)):
-        lay(3, end, 0.0, side, AXIS2_HEIGHT_M)
-    for body, side in ((4, -0.05), (5, 0.05)):
-        lay(body, 0, AXIS2_FORWARD_M, side, AXIS2_HEIGHT_M)
-        lay(body, 1, elbow[0], side, elbow[1])
-    for end, side in enumerate((-0.04, 0.04)):
-        lay(6, end, *on_forearm(0.025, side, np.float64(0.005)))
-    up = np.float64(FOREARM_OFFSET_M)
-    for end, along in enumerate((0.06, 0.28)):
-        lay(7, end, *on_forearm(along, 0.0, up))
-    for body, side in ((8, -0.02), (9, 0.02)):  # they turn with A4 about the forearm
-        for end, along in enumerate((0.30, 0.415)):
-            lay(body, end, *on_forearm(along, side * c4, up - side * s4))
+    turret = frame(zero, np.zeros((3, len(q))))
+    axis2 = AXIS2_FORWARD_M * turret[0] + AXIS2_HEIGHT_M * up
+    link2 = frame(a2, axis2)
+    link3 = frame(a2 + a3, axis2 + UPPER_ARM_M * link2[0])
+    x, y, z, elbow = link3
+    link4 = x, c4 * y - s4 * z, s4 * y + c4 * z, elbow + FOREARM_OFFSET_M * z
+    still = np.stack([one, zero, zero]), np.stack([zero, one, zero]), up, turret[3]
+    links = still, turret, link2, link3, link4
+    ends = np.empty((2, 3, len(ARM_BODIES), len(q)))
+    for k, body in enumerate(ARM_BODIES):
+        x, y, z, origin = links[body.link]
+        for end, place in enumerate((body.begin_m, body.end_m)):
+            ends[end, :, k] = origin + place[0] * x + place[1] * y + place[2] * z
+    ends[1, :, HAND] = ends[0, :, HAND] + HAND_LENGTH_M * flange[:, 2]
+    return ends
 
 
-def _lay_wrist(cranks: Floats, flange: Floats, tip: Floats, mount_yaw: float, ends: Floats) -> None:
-    """Both ends of the WRIST_BODIES' axes (2, 3, bodies, n); the flange is (3, 4, n)."""
+def _lay_wrist(cranks: Floats, flange: Floats, tip: Floats, mount_yaw: float) -> Floats:
+    """Both ends of the WRIST_BODIES' axes (2, 3, bodies, n); the flange as `_flange` has it."""
+    ends = np.empty((2, 3, len(WRIST_BODIES), len(cranks)))
     c, s = np.cos(mount_yaw), np.sin(mount_yaw)
     out = flange[:, 2]
     across = c * flange[:, 0] + s * flange[:, 1], c * flange[:, 1] - s * flange[:, 0]
@@ -360,3 +379,4 @@ def _lay_wrist(cranks: Floats, flange: Floats, tip: Floats, mount_yaw: float, en
     share = max(1.0 - TOOL_TIP_M / length_m, 0.0) if length_m else 0.0
     ends[0, :, -1] = centre + shift
     ends[1, :, -1] = centre + shift + share * (tip[0] * x + tip[1] * y + tip[2] * z)
+    return ends
