@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.planner.jerk import Pieces, make_pieces
 from sphmctl.planner.overrun import look
 from sphmctl.planner.topp import Bounds, Caps, fastest
-from sphmctl.planner.track import Track, make_track
+from sphmctl.planner.track import Indices, Track, make_track
 
 FILTER_S = 0.024
 """Length of the box filter: two cycles of 12 ms of the arm's interpolator."""
@@ -93,30 +92,35 @@ class TimeLaw:
         return self.pieces.when(s)
 
     @cached_property
-    def rows_s(self) -> Floats:
-        """When each row of the path is reached, (n,)."""
-        return self.pieces.when(self.track.s[self.track.rows])
-
-    @cached_property
     def use(self) -> Floats:
         """Share of each bound that is used at each row, (n, 20): speeds, then accelerations."""
-        _, speed, acceleration = self.pieces.at(self.rows_s)
-        return _use(self.track, self.caps, speed, acceleration)
+        return np.asarray(self._along[1][self.track.rows])
 
     @cached_property
-    def binding(self) -> NDArray[np.intp]:
+    def binding(self) -> Indices:
         """Which of LABELS rules the motion at each row, (n,)."""
-        worst = self.use.argmax(axis=1)
+        return self._binding(self.use)
+
+    @cached_property
+    def _along(self) -> tuple[Floats, Floats]:
+        """Times (N + 1,), and use of the bounds (N + 1, 20), at the track's own rows."""
+        t = self.pieces.when(self.track.s)
+        _, speed, acceleration = self.pieces.at(t)
+        return t, _use(self.track, self.caps, speed, acceleration)
+
+    def _binding(self, use: Floats) -> Indices:
+        worst = use.argmax(axis=1)
         free = LABELS.index(SMOOTHING if self.pieces.filter_s > 0.0 else NOTHING)
-        return np.where(self.use[np.arange(len(worst)), worst] >= BINDS, worst, free)
+        return np.where(use[np.arange(len(worst)), worst] >= BINDS, worst, free)
 
     def shares(self) -> list[tuple[str, float]]:
         """How much of the time each of LABELS binds, the most first."""
         if self.duration_s == 0.0:
             return []
-        half = np.diff(self.rows_s) / 2.0
+        t, use = self._along
+        half = np.diff(t) / 2.0
         owned = np.append(half, 0.0) + np.append(0.0, half)
-        time_s = np.bincount(self.binding, owned, minlength=len(LABELS)) / owned.sum()
+        time_s = np.bincount(self._binding(use), owned, minlength=len(LABELS)) / owned.sum()
         return [(LABELS[i], float(time_s[i])) for i in np.argsort(-time_s) if time_s[i] > 0.0]
 
     def summary(self) -> str:
@@ -234,9 +238,9 @@ def _excess(use: Floats) -> Floats:
 
 
 def _use(track: Track, caps: Caps, speed: Floats, acceleration: Floats) -> Floats:
-    """Shares (n, 20) of the bounds at the given rows, passed like this (n,)."""
-    interval = np.minimum(track.rows, len(track.given) - 1)
-    side = (track.rows > interval).astype(np.intp)
+    """Shares (N + 1, 20) of the bounds at the track's rows, passed like this (N + 1,)."""
+    interval = np.minimum(np.arange(len(speed)), len(track.given) - 1)
+    side = np.append(np.zeros(len(speed) - 1, dtype=np.intp), 1)
     first, second = track.first[side, interval], track.second[side, interval]
     rate = np.abs(first * speed[:, None])
     force = np.abs(first * acceleration[:, None] + second * speed[:, None] ** 2)

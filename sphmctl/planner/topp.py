@@ -134,14 +134,13 @@ def _same(part: slice, caps: Caps, ceiling: Floats, last: Speeds) -> bool:
 
 def speed_ceiling(track: Track, caps: Caps) -> Floats:
     """Highest squared speed (N + 1,) that the speed limits allow at each row."""
-    steepest = np.abs(track.first).max(axis=0)
-    joints = steepest[:, :-3]
+    joints = np.abs(track.first[:, :, :-3])
+    point = np.linalg.norm(track.first[:, :, -3:], axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        v = np.min(np.where(joints > 0.0, caps.joint_speeds / joints, np.inf), axis=1)
-        point = np.linalg.norm(track.first[:, :, -3:], axis=2).max(axis=0)
+        v = np.min(np.where(joints > 0.0, caps.joint_speeds / joints, np.inf), axis=2)
         v = np.minimum(v, np.where(point > 0.0, caps.tool_speed / point, np.inf))
     v = np.minimum(v * caps.speed_share, (track.s[-1] - track.s[0]) / SHORTEST_S)
-    row = np.minimum(np.append(v, np.inf), np.append(np.inf, v))
+    row = np.minimum(np.append(v[0], np.inf), np.append(np.inf, v[1]))
     row[1:-1] = np.minimum(row[1:-1], _over_bends(track, caps))
     row[[0, -1]] = 0.0
     row[track.stops] = 0.0
@@ -174,7 +173,8 @@ class _Lines:
         c, d, limit = self.flat()
         least = TINY * np.abs(c) + np.finfo(np.float64).tiny
         d = np.where(np.abs(d) < least, least, d)
-        return limit / np.abs(d), c / d
+        with np.errstate(over="ignore"):  # both 0: no limit at all
+            return limit / np.abs(d), c / d
 
     def flat(self) -> tuple[Floats, Floats, Floats]:
         """c, d and A, each (r, 2 m), of |c x + d y| <= A."""
@@ -188,7 +188,9 @@ class _Lines:
         ends = np.stack([x[:-1], x[1:]])[:, :, None]
         a, bent = np.abs(self.a), np.abs(self.b) * ends
         with np.errstate(divide="ignore", invalid="ignore"):
-            hardest = np.where(a > 0.0, (self.limit + bent) / a, np.inf).min(axis=(0, 2))
+            hardest = np.where(a > 0.0, (self.limit + bent) / a, np.inf).min(
+                axis=(0, 2), initial=np.inf
+            )
             reached = np.where(a > 0.0, a * hardest[:, None], 0.0) + bent
         use = (reached >= self.limit).any(axis=(0, 1))
         return _Lines(self.a[:, :, use], self.b[:, :, use], self.limit[:, use], self.half)
@@ -231,6 +233,8 @@ def _peak(lines: _Lines, x_cap: Floats, y_cap: Floats) -> Floats:
     """
     P, R = lines.solved_for_y()
     x = x_cap.copy()
+    if not P.shape[1]:
+        return x
     left = np.arange(len(x))
     for _ in range(PEAK_STEPS):
         shift = R * x[left, None]
