@@ -13,7 +13,7 @@ import sys
 import typer
 import typer.exceptions
 
-from sphmctl.cli import commissioning, firmware, kinematics, krl, plans, runs, service
+from sphmctl.cli import commissioning, exporting, firmware, kinematics, krl, plans, runs, service
 from sphmctl.cli.common import say
 from sphmctl.errors import SphmctlError
 
@@ -46,6 +46,7 @@ app.command("status")(service.status)
 app.command("commission")(commissioning.commission)
 app.add_typer(firmware.app)
 app.add_typer(krl.app)
+app.add_typer(exporting.app)
 
 
 def main() -> None:
