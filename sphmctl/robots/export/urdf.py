@@ -118,7 +118,7 @@ def urdf(tool: Floats | None = None, mount_yaw: float = 0.0) -> str:
 
 def platform_limits() -> dict[str, tuple[float, float]]:
     """Lowest and highest value of heave, direction and tilt within the cranks' ranges."""
-    each = [np.linspace(*ends, 13) for ends in rrs.RANGES]
+    each = [np.linspace(low, high, 13) for low, high in rrs.RANGES]
     cranks = np.stack(np.meshgrid(*each, indexing="ij"), axis=-1).reshape(-1, 3)
     _, tilt, heave = rrs.tilt_of(rrs.forward(cranks))
     most = float(tilt.max())
