@@ -14,8 +14,10 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from sphmctl.errors import InvalidError
 from sphmctl.motion import JOINT_NAMES, Floats
+from sphmctl.obstacles import CellPayload, Obstacles
 from sphmctl.robots import sphm
 from sphmctl.robots.geometry import pose_matrix
+from sphmctl.robots.sphm.bodies import Obstacle
 from sphmctl.wire.board_table import BOARD_ID
 from sphmctl.yamlfile import STRICT, Numbers, Pose, Version, load, nearest, shown, wrong
 
@@ -244,6 +246,8 @@ class Cell(BaseModel):
     speed_percent: Annotated[float, Field(ge=0.1, le=100)] | None = None
     tools: Tools = _tools({})
     frames: Frames = _frames({})
+    obstacles: Obstacles = Obstacles()
+    payload: CellPayload = CellPayload()
 
     def for_dry_run(self) -> Cell:
         """The same cell with both devices emulated, at an emulated cell's default speed."""
@@ -289,6 +293,11 @@ class Cell(BaseModel):
     def mount_yaw_rad(self) -> float:
         """Leg 1 against the flange's x axis."""
         return float(np.radians(self.wrist.mount_yaw_deg))
+
+    @property
+    def obstacle_bodies(self) -> tuple[Obstacle, ...]:
+        """Boxes, then planes, m."""
+        return self.obstacles.bodies()
 
     def tool_matrix(self, name: str | None) -> Floats:
         """A tool's frame on the platform, m, (4, 4); None is the platform centre O7 itself."""

@@ -211,14 +211,14 @@ def clearances(joints: ArrayLike, tool: ArrayLike | None = None, mount_yaw: floa
         near = _near(block[:, 4], flange, arm, length_m)
         some = np.flatnonzero(np.logical_or.reduce(near))
         wrist = _lay_wrist(block[some, 6:], flange[..., some], _tip(tool), mount_yaw)
-        p, q_end = np.concatenate([arm[..., some], wrist], axis=2)
+        p, end = np.concatenate([arm[..., some], wrist], axis=2)
+        d = end - p
         columns = iter(range(len(PAIRS)))
         for (groups, other), mask in zip(CHECKS, near, strict=True):
             rows = np.flatnonzero(mask[some])
             ours = [_MEMBERS[group] for group in groups]
-            gap = _gaps(
-                p, q_end - p, [k for members in ours for k in members], _MEMBERS[other], rows
-            )
+            every = [k for members in ours for k in members]
+            gap = _gaps(p, d, every, _MEMBERS[other], rows)
             for members in ours:
                 least = np.minimum(gap[: len(members)].min(axis=0), FAR_M)
                 out[i + some[rows], next(columns)] = least
