@@ -45,7 +45,7 @@ class Pieces:
         t = np.clip(t_s, 0.0, self.duration_s)
         if self.filter_s == 0.0:
             _, s, speed, acceleration = self._raw(t)
-            return self.s[0] + s, speed, np.where(t_s == t, acceleration, 0.0)
+            return self.s[0] + s, np.maximum(speed, 0.0), np.where(t_s == t, acceleration, 0.0)
         now, before = self._raw(t), self._raw(t - self.filter_s)
         area, s, speed = ((a - b) / self.filter_s for a, b in zip(now[:3], before[:3], strict=True))
         s_m = np.clip(self.s[0] + area, self.s[0], self.s[-1])

@@ -24,7 +24,10 @@ FILTER_S = 0.024
 EXCESS = 1.003
 """Share of a bound that the stream may take: 0.5 % are allowed, the rest is for sampling."""
 
-ROUNDS = 10
+PATIENT_ROUNDS = 3
+"""After these the bounds are lowered by more than the excess, so that it ends."""
+
+ROUNDS = 12
 """Solutions tried before what is left over is taken off the speed of the whole path."""
 
 BINDS = 0.98
@@ -106,7 +109,10 @@ class TimeLaw:
         """Times (N + 1,), and use of the bounds (N + 1, 20), at the track's own rows."""
         t = self.pieces.when(self.track.s)
         _, speed, acceleration = self.pieces.at(t)
-        return t, _use(self.track, self.caps, speed, acceleration)
+        ends = np.stack([acceleration[:-1], acceleration[1:]])
+        if self.pieces.filter_s == 0.0:  # it jumps at the rows
+            ends[:] = self.pieces.at((t[1:] + t[:-1]) / 2.0)[2]
+        return t, _use(self.track, self.caps, speed, ends)
 
     def _binding(self, use: Floats) -> Indices:
         worst = use.argmax(axis=1)
@@ -229,7 +235,8 @@ def _solved(track: Track, caps: Caps, filter_s: float) -> TimeLaw:
             return law
         if rounds == ROUNDS:
             return law.slowed(max(fast, float(np.sqrt(hard))))
-        caps = caps.lowered(_excess(use.speed), _excess(use.acceleration))
+        push = max(1.0, rounds / PATIENT_ROUNDS)
+        caps = caps.lowered(_excess(use.speed) ** push, _excess(use.acceleration) ** push)
         speeds = fastest(track, caps, speeds)
 
 
@@ -238,19 +245,20 @@ def _excess(use: Floats) -> Floats:
 
 
 def _use(track: Track, caps: Caps, speed: Floats, acceleration: Floats) -> Floats:
-    """Shares (N + 1, 20) of the bounds at the track's rows, passed like this (N + 1,)."""
-    interval = np.minimum(np.arange(len(speed)), len(track.given) - 1)
-    side = np.append(np.zeros(len(speed) - 1, dtype=np.intp), 1)
-    first, second = track.first[side, interval], track.second[side, interval]
-    rate = np.abs(first * speed[:, None])
-    force = np.abs(first * acceleration[:, None] + second * speed[:, None] ** 2)
+    """Shares (N + 1, 20) of the bounds; accelerations (2, N) are at the intervals' ends."""
+    v = np.stack([speed[:-1], speed[1:]])[:, :, None]
+    rate = np.abs(track.first * v)
+    force = np.abs(track.first * acceleration[:, :, None] + track.second * v**2)
+    point_rate, point_force = (np.linalg.norm(x[:, :, -3:], axis=2) for x in (rate, force))
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.hstack(
-            [
-                rate[:, :-3] / caps.joint_speeds,
-                (np.linalg.norm(rate[:, -3:], axis=1) / caps.tool_speed[interval])[:, None],
-                force[:, :-3] / caps.joint_accelerations,
-                (np.linalg.norm(force[:, -3:], axis=1) / caps.tool_acceleration[interval])[:, None],
-            ]
-        )
-    return np.asarray(np.nan_to_num(shares, nan=0.0))
+        shares = [
+            rate[:, :, :-3] / caps.joint_speeds,
+            (point_rate / caps.tool_speed)[:, :, None],
+            force[:, :, :-3] / caps.joint_accelerations,
+            (point_force / caps.tool_acceleration)[:, :, None],
+        ]
+    begin, end = np.nan_to_num(np.concatenate(shares, axis=2), nan=0.0)
+    out = np.zeros((len(speed), begin.shape[1]))
+    out[:-1] = begin
+    out[1:] = np.maximum(out[1:], end)
+    return out

@@ -19,7 +19,7 @@ Indices = NDArray[np.intp]
 STENCIL = 5
 """Rows that a derivative is taken from: error of order 4 in the first, 3 in the second."""
 
-LEAST_INTERVALS = 24
+LEAST_INTERVALS = 32
 """Intervals between two stops, at least: one alone would begin and end at rest and never move."""
 
 STILL = 1e-9
