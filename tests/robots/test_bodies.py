@@ -79,9 +79,31 @@ def test_distances_from_a_box_are_those_of_fcl() -> None:
         box = fcl.CollisionObject(fcl.Box(*(2.0 * half)), fcl.Transform(pose[:3, :3], pose[:3, 3]))
         theirs = np.array([fcl_distance(capsule(p[:, k], d[:, k], 1e-3), box) for k in range(1500)])
         outside = theirs > 0.0
-        np.testing.assert_allclose(ours[outside] - 1e-3, theirs[outside], atol=2e-6)
+        assert_as_fcl(ours[outside] - 1e-3, theirs[outside])
         assert ours[~outside].max() < 1e-3 + 2e-6
         assert 50 < (~outside).sum() < 1000
+
+
+def assert_as_fcl(ours: Floats, theirs: Floats) -> None:
+    """FCL's search for a box's nearest point ends early now and then, never below the distance."""
+    assert (ours <= theirs + 2e-6).all()
+    assert (theirs - ours).max() < 1e-3
+    assert (theirs - ours < 2e-6).mean() > 0.9
+
+
+def test_distances_from_a_box_are_the_least_of_many_points() -> None:
+    rng = np.random.default_rng(12)
+    p, d = rng.uniform(-1.0, 1.0, (2, 3, 300))
+    half = np.array([0.4, 0.2, 0.1])
+    shares = np.linspace(0.0, 1.0, 4001)
+    points = p[:, :, None] + d[:, :, None] * shares
+    outside = np.maximum(np.abs(points) - half[:, None, None], 0.0)
+    sampled = np.linalg.norm(outside, axis=0).min(axis=1)
+    ours = to_box(p, d, np.eye(4), half)
+    assert (ours <= sampled + 1e-15).all()
+    # Between two samples the distance falls by less than half the way from one to the other.
+    assert (sampled - ours <= np.linalg.norm(d, axis=0) / 8000.0).all()
+    assert np.median(sampled - ours) < 1e-7
 
 
 def test_a_segment_on_the_far_side_of_a_plane_has_a_negative_distance() -> None:
@@ -245,7 +267,7 @@ def test_obstacles_are_seen_by_every_moving_body_and_not_by_the_base() -> None:
             for k in members
         )
         if theirs > 0.0:
-            assert found[row, column] == pytest.approx(theirs, abs=2e-6)
+            assert found[row, column] == pytest.approx(theirs, abs=1e-3)
         else:
             assert found[row, column] < 2e-6
 
