@@ -31,6 +31,12 @@ HALVINGS = 24
 NEWTON_STEPS = 20
 """A handful is enough for any curve without a cusp."""
 
+NEWTON_TOLERANCE = 1e-8
+"""Relative error before the last step, which squares it."""
+
+CHUNK = 2048
+"""Rows integrated at a time, whose intermediate values stay in the processor's cache."""
+
 SLOWEST_SHARE = 1e-3
 """Of a piece's mean |dp/du|: slower, the curve all but stands there and turns on the spot."""
 
@@ -132,7 +138,7 @@ class Curve:
             over = _length(c[rows], low[rows], u[rows]) - wanted[rows]
             speed = np.linalg.norm(_derivatives(c[rows], u[rows, None])[1], axis=1)
             u[rows] = np.clip(u[rows] - over / speed, low[rows], high[rows])
-            rows = rows[np.abs(over) > LENGTH_TOLERANCE * length[rows]]
+            rows = rows[np.abs(over) > NEWTON_TOLERANCE * length[rows]]
             if not len(rows):
                 break
         return u
@@ -161,6 +167,14 @@ def _derivatives(c: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _length(c: Floats, low: Floats, high: Floats) -> Floats:
     """Arc length (n,) of polynomials c (n, k, 3) between two u (n,)."""
+    lengths = np.empty(len(low))
+    for first in range(0, len(low), CHUNK):
+        rows = slice(first, first + CHUNK)
+        lengths[rows] = _chunk_length(c[rows], low[rows], high[rows])
+    return lengths
+
+
+def _chunk_length(c: Floats, low: Floats, high: Floats) -> Floats:
     u = low[:, None] + (high - low)[:, None] * _X
     total = np.zeros_like(u)
     for axis in range(3):
