@@ -8,7 +8,14 @@ from __future__ import annotations
 
 import argparse
 
-from tools.bench import bench_help, bench_kinematics, bench_kvp, bench_runs, bench_servo
+from tools.bench import (
+    bench_help,
+    bench_kinematics,
+    bench_kvp,
+    bench_runs,
+    bench_servo,
+    bench_timing,
+)
 from tools.bench.harness import Row, markdown
 
 POSES, QUICK_POSES = 200_000, 20_000
@@ -61,6 +68,7 @@ def main() -> None:
         *bench_kvp.measure(QUICK_ROUNDS if quick else bench_kvp.ROUNDS),
         *bench_servo.measure(QUICK_ROUNDS if quick else bench_servo.ROUNDS),
         *kinematics_rows(quick),
+        *bench_timing.measure(bench_timing.QUICK_REPEATS if quick else bench_timing.REPEATS),
         *bench_help.measure(QUICK_CALLS if quick else bench_help.CALLS),
         *bench_runs.measure(real_time=not quick),
     ]
