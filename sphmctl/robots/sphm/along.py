@@ -27,8 +27,10 @@ def inverse_along(
     limits: ArrayLike = RANGES9,
     mount_yaw: float = 0.0,
 ) -> Floats:
-    """Joints (n, 9) along tool poses (n, 4, 4), each row the answer nearest to the row before.
+    """Joints (n, 9) along tool poses (n, 4, 4), each row the answer to which the rows before lead.
 
+    That is the nearest to where the step before would go on to: it matters where two branches meet,
+    in the stretched arm and near A5 = 0, which the joints then pass as smoothly as the pose does.
     Where A5 = 0 only the sum of A4 and A6 is real: A4 then stays where it was and A6 takes the
     rest, so that the joints pass the singular pose without a step. Every row reproduces its pose.
     Rows may still step where the path has no continuous answer within the limits: the caller checks
@@ -118,12 +120,12 @@ def _both_ways(
 
 
 def _walk(target: Floats, branches: Floats, before: Floats, limits: Floats) -> Floats:
-    """Arm joints (n, 6) from `before` (6,), each row the answer nearest to the row before."""
+    """Arm joints (n, 6) from `before` (6,), each row the answer to which the rows before lead."""
     out = np.full((len(target), 6), np.nan)
     if len(target) == 0:
         return out
     kinds, ends = _stretches(branches)
-    row, size, part = 0, FEWEST, 0
+    row, size, part, pace = 0, FEWEST, 0, np.zeros(6)
     while row < len(target):
         while ends[part] <= row:
             part += 1
@@ -133,11 +135,12 @@ def _walk(target: Floats, branches: Floats, before: Floats, limits: Floats) -> F
             alone = stop - row == 1  # plain floats are quicker there
             answers = kr6.inverse(target[row] if alone else target[row:stop], before)
             answers = answers.reshape(-1, 8, 6)
-        done = _advance(answers, before, limits)
+        done = _advance(answers, before, pace, limits)
         out[row : row + len(done)] = done
         size = min(2 * size, MOST) if len(done) == stop - row else FEWEST
         row += len(done)
         if not np.isnan(done[-1, 0]):
+            pace = _steady(done[-1] - (done[-2] if len(done) > 1 else before))
             before = done[-1]
     return out
 
@@ -152,14 +155,20 @@ def _stretches(branches: Floats) -> tuple[list[int], list[int]]:
     return [int(kind[end - 1]) for end in ends], [int(end) for end in ends]
 
 
-def _advance(answers: Floats, before: Floats, limits: Floats) -> Floats:
+def _steady(steps: Floats) -> Floats:
+    """Steps (..., 6) from row to row, those that are jumps made 0: nothing goes on from them."""
+    far = np.abs(steps).max(axis=-1, keepdims=True) > JUMP_RAD
+    return np.where(far, 0.0, steps)
+
+
+def _advance(answers: Floats, before: Floats, pace: Floats, limits: Floats) -> Floats:
     """The first rows (k, 6), k > 0, that go on from `before` without a change of branch.
 
     The first row is looked at with every turn the limits allow. Where it has no answer, the rows
     are those that have none either; else those whose nearest answer is the same branch.
     """
     first = kr6.snap_to_range(turned(answers[:1], before, limits), limits)[0]
-    step = np.nan_to_num(np.abs(first - before).max(axis=-1), nan=np.inf)
+    step = np.nan_to_num(np.abs(first - before - pace).max(axis=-1), nan=np.inf)
     branch = int(step.argmin())
     if np.isinf(step[branch]):
         every = kr6.snap_to_range(turned(answers, before, limits), limits)
@@ -170,6 +179,8 @@ def _advance(answers: Floats, before: Floats, limits: Floats) -> Floats:
     np.subtract(answers[1:], answers[:-1, branch, None], out=apart)
     turns = np.round(apart / TURN)
     apart -= TURN * turns
+    paces = _steady(np.vstack([first[branch] - before, apart[:-1, branch]]))[: len(apart)]
+    apart -= paces[:, None]
     steps = np.abs(apart, out=apart).max(axis=-1)
     with np.errstate(invalid="ignore"):
         nearest = steps[:, branch] <= np.fmin.reduce(steps, axis=1)
