@@ -16,7 +16,7 @@ from sphmctl.planner.drawing import SPOT_LEAST_M, SPOT_M_RAD, Forward, Part, Sta
 from sphmctl.planner.shapes import Shape, Spot
 from sphmctl.planner.spline import Track, chain
 from sphmctl.planner.turning import Between
-from sphmctl.planner.wrists import OPEN, group, wrist_track
+from sphmctl.planner.wrists import CRANKS, OPEN, group, wrist_track
 from sphmctl.robots.geometry import angle_between
 
 SMOOTH_RAD = 1e-4
@@ -48,7 +48,11 @@ class _Run:
 
 
 def contours(
-    file: str, moves: Sequence[Move], begin: Floats, forward: Forward
+    file: str,
+    moves: Sequence[Move],
+    begin: Floats,
+    forward: Forward,
+    begin_cranks_rad: Floats | None = None,
 ) -> tuple[Contour, ...]:
     """What consecutive moves along a path draw, cut where the arm must stand.
 
@@ -57,13 +61,14 @@ def contours(
         moves: of the kinds that draw (`Move.draws`), one after the other.
         begin: tool pose in the base, (4, 4), where the first one begins.
         forward: tool poses in the base (n, 4, 4) of joints (n, 9), for points given so.
+        begin_cranks_rad: cranks (3,) there, or None if they are not known yet.
 
     Raises:
         InvalidError: the points give no such shape, or no blend; with file, line and column.
         InfeasibleError: the tool would have to turn by half a turn.
     """
     stand = Stand(begin)
-    outline = _Outline(file)
+    outline = _Outline(file, OPEN if begin_cranks_rad is None else np.append(begin_cranks_rad, 0.0))
     for move in moves:
         try:
             parts = draw(move, stand, forward)
@@ -83,35 +88,49 @@ def _placed(problem: InvalidError, file: str, move: Move) -> InvalidError:
 
 @dataclass
 class _Outline:
-    """The contours found, and the run of parts that will be the next one."""
+    """The contours found, and the run of parts that will be the next one.
+
+    Attributes:
+        now: the wrist's values where the next part begins, or OPEN.
+    """
 
     file: str
+    now: Floats
     found: list[Contour] = field(default_factory=list)
     run: _Run | None = None
 
     def add(self, part: Part) -> None:
         """Add a part to the run, or close the run and begin another."""
-        if self.run is None:
-            self.run = _Run([part], [wrist_track(part, OPEN)], [])
-            return
-        run, before = self.run, self.run.parts[-1]
+        run, wrist = self.run, wrist_track(part, self.now)
+        if run is not None:
+            blend = self._blended(run.parts[-1], part)
+            same = group(run.parts[-1].move.wrist) == group(part.move.wrist)
+            if blend or (same and _smooth(run.parts[-1], part, run.wrists[-1], wrist)):
+                run.parts.append(part)
+                run.wrists.append(wrist)
+                run.blends.append(blend)
+                self._go_on(wrist)
+                return
+            self.close()
+            self._change_on_the_spot(run, part, wrist)
+        self.run = _Run([part], [wrist], [])
+        self._go_on(wrist)
+
+    def _go_on(self, wrist: Track | None) -> None:
+        """The wrist's values at the end of a part are those at the next one's begin, if known."""
+        self.now = OPEN if wrist is None else wrist.values[-1]
+        if len(self.now) == len(OPEN) and self.now[3] > 0.0:
+            self.now = OPEN
+
+    def _blended(self, before: Part, part: Part) -> bool:
+        """Whether the corner before a part is to be rounded."""
         blend = before.last and before.move.blend_mm > 0.0
         if blend:
             try:
                 _check_blend(before, part)
             except InvalidError as problem:
                 raise _placed(problem, self.file, before.move) from None
-        last = run.wrists[-1]
-        same = group(before.move.wrist) == group(part.move.wrist)
-        wrist = wrist_track(part, OPEN if last is None else last.values[-1]) if same else None
-        if blend or (same and _smooth(before, part, last, wrist)):
-            run.parts.append(part)
-            run.wrists.append(wrist)
-            run.blends.append(blend)
-            return
-        self.close()
-        self._change_on_the_spot(before, part, last, wrist)
-        self.run = _Run([part], [wrist_track(part, OPEN)], [])
+        return blend
 
     def close(self) -> None:
         """Make the run a contour."""
@@ -127,27 +146,24 @@ class _Outline:
         self.found.append(_contour(run, corners))
         self.run = None
 
-    def _change_on_the_spot(
-        self, before: Part, part: Part, one: Track | None, other: Track | None
-    ) -> None:
-        """What tool and wrist change between two parts, while the tool point stands."""
-        end, begin = before.stand.pose, part.shape.pose(np.zeros(1))[0]
+    def _change_on_the_spot(self, run: _Run, part: Part, wrist: Track | None) -> None:
+        """What tool and wrist must change between two parts, while the tool point stands."""
+        end, begin = run.parts[-1].stand.pose, part.shape.pose(np.zeros(1))[0]
         angle = float(angle_between(end[:3, :3], begin[:3, :3]))
-        jump = 0.0
-        if one is not None and other is not None:
-            jump = float(np.abs(one.values[-1] - other.values[0]).max())
+        last, move, jump, values = run.wrists[-1], part.move, 0.0, None
+        if wrist is not None:
+            values = wrist.values[[0, 0]]
+            policy = group(move.wrist)
+            if last is not None and policy == group(run.parts[-1].move.wrist) != CRANKS:
+                values[0] = last.values[-1]
+                jump = float(np.abs(values[1] - values[0]).max())
         if max(angle, jump) < GAP_RAD:
             return
         length = max(SPOT_M_RAD * max(angle, jump), SPOT_LEAST_M)
         shape = Shape(Spot(end[:3, 3], length), Between(end[:3, :3], begin[:3, :3], length))
-        wrist = wrist_track(part, OPEN)
-        if wrist is not None:
-            values = wrist.values[[0, 0]]
-            if one is not None and other is not None and "cranks" not in group(part.move.wrist):
-                values = np.stack([one.values[-1], other.values[0]])
-            wrist = Track.monotone(np.array([0.0, length]), values)
-        span = Span(shape, 0.0, length, (part.move,), (part.offset_m, part.offset_m))
-        self.found.append(Contour((span,), part.move.wrist.policy, wrist, True))
+        span = Span(shape, 0.0, length, (move,), (part.offset_m, part.offset_m))
+        track = None if values is None else Track.monotone(np.array([0.0, length]), values)
+        self.found.append(Contour((span,), move.wrist.policy, track, True))
 
 
 def _check_blend(before: Part, behind: Part) -> None:

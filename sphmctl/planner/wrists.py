@@ -13,10 +13,15 @@ OPEN: Floats = np.array([0.0, 0.0, 0.0, 1.0])
 """Cranks as at the contour's begin, whatever they are: the fourth column is their share."""
 
 
+CRANKS = ("cranks", True)
+"""The group of the policies that give crank angles."""
+
+
 def group(wrist: Wrist) -> tuple[str, bool]:
     """What must be the same for the wrist to run on from one move into the next."""
-    policy = "cranks" if wrist.policy == "fixed" else wrist.policy
-    return policy, wrist.heave_mm is None
+    if wrist.policy in ("cranks", "fixed"):
+        return CRANKS
+    return wrist.policy, wrist.heave_mm is None
 
 
 def wrist_track(part: Part, now: Floats) -> Track | None:
@@ -24,7 +29,7 @@ def wrist_track(part: Part, now: Floats) -> Track | None:
 
     Args:
         now: the values at the end of the part before: cranks and the share of the begin's in them
-            (4,), or heave, tilt, direction (3,); OPEN at a contour's begin.
+            (4,), or heave, tilt, direction (3,); OPEN where they are not known.
 
     Returns:
         For "cranks" and "fixed" three cranks and the share (k, 4); for "level" the heave (k, 1);
@@ -32,7 +37,7 @@ def wrist_track(part: Part, now: Floats) -> Track | None:
     """
     wrist, length = part.move.wrist, part.shape.length_m
     if wrist.policy in ("cranks", "fixed"):
-        return _crank_track(part, now)
+        return _crank_track(part, now if len(now) == len(OPEN) else OPEN)
     if wrist.heave_mm is None:
         return None
     share = np.array([part.offset_m, part.offset_m + length]) / part.total_m
