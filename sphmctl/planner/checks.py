@@ -140,8 +140,8 @@ def _singular(joints: Floats) -> Findings:
     if lost.value >= SMALLEST_PARALLEL:
         return Findings((), tuple(margins))
     message = (
-        f"the cranks would lose control of the platform: {lost.value:.3f} of the hold that they have "
-        f"at mid-range; at least {SMALLEST_PARALLEL:g} is needed"
+        f"the cranks would lose control of the platform: {lost.value:.3f} of the hold they have at "
+        f"mid-range; at least {SMALLEST_PARALLEL:g} is needed"
     )
     problem = Problem("", JOINT_NAMES[6], lost.value, SMALLEST_PARALLEL, message)
     return Findings((RowProblem(lost.row, problem),), tuple(margins))
