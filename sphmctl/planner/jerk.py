@@ -48,8 +48,9 @@ class Pieces:
             return self.s[0] + s, np.maximum(speed, 0.0), np.where(t_s == t, acceleration, 0.0)
         now, before = self._raw(t), self._raw(t - self.filter_s)
         area, s, speed = ((a - b) / self.filter_s for a, b in zip(now[:3], before[:3], strict=True))
-        s_m = np.clip(self.s[0] + area, self.s[0], self.s[-1])
-        return s_m, np.maximum(s, 0.0), speed
+        where = np.clip(self.s[0] + area, self.s[0], self.s[-1])
+        where[t >= self.duration_s] = self.s[-1]
+        return where, np.maximum(s, 0.0), speed
 
     def jerk(self, t_s: Floats) -> Floats:
         """Third derivative (m,) at times (m,), of a filtered motion."""

@@ -52,7 +52,9 @@ class Track:
         """Values (m, k) at s (m,), by cubics through values and slopes; and the intervals (m,)."""
         interval = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         share = (s - self.s[interval]) / (self.s[interval + 1] - self.s[interval])
-        return _cubic(self, interval, share)[0], interval
+        begin, m0, c2, c3, _ = _cubic(self, interval)
+        u = share[:, None]
+        return begin + u * (m0 + u * (c2 + u * c3)), interval
 
 
 def make_track(values: Floats, s: Floats, joints: Sequence[int], stops: Sequence[int]) -> Track:
@@ -100,16 +102,13 @@ def _derivatives(values: Floats, s: Floats, cuts: Indices) -> tuple[Floats, Floa
     return first, second
 
 
-def _cubic(track: Track, interval: Indices, share: Floats) -> tuple[Floats, Floats, Floats]:
-    """Value, first and second derivative (m, k) at shares (m,) of intervals (m,)."""
+def _cubic(track: Track, interval: Indices) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Four coefficients (m, k) by the share of an interval passed, and the intervals' lengths."""
     step = (track.s[interval + 1] - track.s[interval])[:, None]
-    u = share[:, None]
     begin = track.values[interval]
     rise = track.values[interval + 1] - begin
     m0, m1 = track.first[0, interval] * step, track.first[1, interval] * step
-    c2, c3 = 3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise
-    value = begin + u * (m0 + u * (c2 + u * c3))
-    return value, (m0 + u * (2.0 * c2 + 3.0 * u * c3)) / step, (2.0 * c2 + 6.0 * u * c3) / step**2
+    return begin, m0, 3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise, step
 
 
 def _divided(track: Track) -> Track:
@@ -120,16 +119,18 @@ def _divided(track: Track) -> Track:
         return track
     rows = np.concatenate([[0], np.cumsum(parts)])
     owner = np.repeat(np.arange(len(parts)), parts)
-    low = (np.arange(len(owner)) - rows[owner]) / parts[owner]
-    high = (np.arange(len(owner)) + 1 - rows[owner]) / parts[owner]
-    value, first0, second0 = _cubic(track, owner, low)
-    _, first1, second1 = _cubic(track, owner, high)
+    begin, m0, c2, c3, step = _cubic(track, owner)
+    part = np.arange(len(owner)) - rows[owner]
+    low, high = part / parts[owner], (part + 1) / parts[owner]
+    u, ends = low[:, None], np.stack([low, high])[:, :, None]
+    first = (m0 + ends * (2.0 * c2 + 3.0 * ends * c3)) / step
+    second = (2.0 * c2 + 6.0 * ends * c3) / step**2
     s = track.s[owner] + low * (track.s[owner + 1] - track.s[owner])
     return Track(
         np.append(s, track.s[-1]),
-        np.concatenate([value, track.values[-1:]]),
-        np.stack([first0, first1]),
-        np.stack([second0, second1]),
+        np.concatenate([begin + u * (m0 + u * (c2 + u * c3)), track.values[-1:]]),
+        first,
+        second,
         rows[track.stops],
         owner,
         rows,
