@@ -59,6 +59,19 @@ class Layer:
     values: Floats
     seed: Rows
 
+    def at(self, nodes: Rows) -> Layer:
+        """Some of the nodes."""
+        return Layer(self.joints[nodes], self.values[nodes], self.seed[nodes])
+
+
+@dataclass
+class Edges:
+    """From nodes a of a layer to nodes b of the next one, each (e,), and what they cost."""
+
+    a: Rows
+    b: Rows
+    price: Floats
+
 
 def layer_rows(way_m: Floats, spacing_m: float) -> Rows:
     """The first and last row, and rows about `spacing_m` apart between."""
@@ -73,32 +86,28 @@ def cheapest(
 ) -> Ridge | Reason:
     """The cheapest way over the layers at `rows`, or why there is none."""
     way_m = task.way_m[rows]
-    ranges = task.setup.ranges
-    layers = [_layer(task, family, int(rows[0]), seeds, dense)]
-    near = cost.closeness(layers[0].joints, ranges)
-    total = near * 0.0
-    came: list[Rows] = []
-    for index, row in enumerate(rows[1:], start=1):
-        before = layers[-1]
-        if len(before.joints) == 0:
+    here = _layer(task, family, int(rows[0]), seeds, dense)
+    near = cost.closeness(here.joints, task.setup.ranges)
+    total, layers, came = near * cost.SHORTEST_M, [here], [np.zeros(0, dtype=np.int64)]
+    for row, length in zip(rows[1:], np.diff(way_m), strict=True):
+        if len(here.joints) == 0:
             break
-        here = _layer(task, family, int(row), seeds, dense)
-        length = max(float(way_m[index] - way_m[index - 1]), cost.SHORTEST_M)
-        close = cost.closeness(here.joints, ranges)
-        edges = _travel(before, here, length, task.setup)
-        edges += total[:, None] + length * (near[:, None] + close) / 2.0
+        reached, here = layers[-1], _layer(task, family, int(row), seeds, dense)
+        edges = _edges(reached, here, max(float(length), cost.SHORTEST_M), task.setup)
+        close = cost.closeness(here.joints, task.setup.ranges)
+        edges.price += total[edges.a] + length * (near[edges.a] + close[edges.b]) / 2.0
+        nodes, origin, total = _least(edges)
+        if len(nodes) == 0:
+            return _stuck(task, family, rows, [*layers, here])
+        here, near = here.at(nodes), close[nodes]
         layers.append(here)
-        if len(here.joints) == 0 or not np.isfinite(edges).any():
-            break
-        came.append(edges.argmin(axis=0))
-        total, near = edges.min(axis=0), close
-    if len(came) < len(rows) - 1 or len(layers[-1].joints) == 0:
+        came.append(origin)
+    if len(here.joints) == 0:
         return _stuck(task, family, rows, layers)
     pick = [int(total.argmin())]
-    for back in reversed(came):
+    for back in reversed(came[1:]):
         pick.append(int(back[pick[-1]]))
-    pick.reverse()
-    chosen = list(zip(layers, pick, strict=True))
+    chosen = list(zip(layers, reversed(pick), strict=True))
     return Ridge(
         rows,
         np.array([layer.values[node] for layer, node in chosen]),
@@ -133,34 +142,48 @@ def _answers(task: Task, family: Family, row: int, values: Floats) -> tuple[Floa
     return joints[index, answer], index
 
 
-def _travel(before: Layer, here: Layer, length: float, setup: Setup) -> Floats:
-    """Cost of the travel (m, k) from nodes to nodes, infinite where a joint jumps.
+def _edges(before: Layer, here: Layer, length: float, setup: Setup) -> Edges:
+    """What the travel from nodes to nodes costs where no joint jumps.
 
     A seed may follow itself however far it goes: its way between has been looked at.
     """
     weights = cost.seconds_per_rad(setup)
-    travel = np.full((len(before.joints), len(here.joints)), np.inf)
-    low, high = _near(before.joints, here.joints)
-    a, b = before.joints[low], here.joints[high]
-    steps = np.square((b - a) * weights).sum(axis=-1) / length
-    travel[low, high] = steps + cost.swing(a, b, np.array(length), setup)
-    for node in np.flatnonzero(here.seed >= 0):
-        for origin in np.flatnonzero(before.seed == here.seed[node]):
-            step = (here.joints[node] - before.joints[origin]) * weights
-            travel[origin, node] = min(travel[origin, node], float(step @ step) / length)
-    return travel
+    a, b = _near(before.joints, here.joints)
+    swing = cost.swing(before.joints[a], here.joints[b], np.array(length), setup)
+    own = [
+        (int(origin), int(node))
+        for node in np.flatnonzero(here.seed >= 0)
+        for origin in np.flatnonzero(before.seed == here.seed[node])
+    ]
+    extra = np.array(own, dtype=np.int64).reshape(-1, 2)
+    a, b = np.append(a, extra[:, 0]), np.append(b, extra[:, 1])
+    travel = np.square((here.joints[b] - before.joints[a]) * weights).sum(axis=-1) / length
+    travel[: len(swing)] += swing
+    possible = np.isfinite(travel)
+    return Edges(a[possible], b[possible], travel[possible])
 
 
 def _near(a: Floats, b: Floats) -> tuple[Rows, Rows]:
     """Between which of joints (m, 9) and (k, 9) no joint jumps: indices of a and of b."""
     first, *others = COARSEST
-    near = np.abs(a[:, None, first] - b[:, first]) <= STEP_RAD[first]
-    near &= np.abs(a[:, None, others[0]] - b[:, others[0]]) <= STEP_RAD[others[0]]
-    low, high = np.nonzero(near)
-    for joint in others[1:]:
+    order = np.argsort(a[:, first], kind="stable")
+    sorted_a = a[order, first]
+    begin = np.searchsorted(sorted_a, b[:, first] - STEP_RAD[first])
+    count = np.searchsorted(sorted_a, b[:, first] + STEP_RAD[first], side="right") - begin
+    high = np.repeat(np.arange(len(b)), count)
+    low = order[np.arange(len(high)) + np.repeat(begin - (np.cumsum(count) - count), count)]
+    for joint in others:
         kept = np.abs(a[low, joint] - b[high, joint]) <= STEP_RAD[joint]
         low, high = low[kept], high[kept]
     return low, high
+
+
+def _least(edges: Edges) -> tuple[Rows, Rows, Floats]:
+    """The nodes that are reached, where from, and at what price."""
+    order = np.lexsort((edges.a, edges.price, edges.b))
+    nodes, first = np.unique(edges.b[order], return_index=True)
+    best = order[first]
+    return nodes, edges.a[best], edges.price[best]
 
 
 def _stuck(task: Task, family: Family, rows: Rows, layers: list[Layer]) -> Reason:
