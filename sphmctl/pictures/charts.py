@@ -1,4 +1,4 @@
-"""Line charts as inline SVG text; colours come from the page's style sheet by class.
+"""Line charts as SVG text; colours come from the page's or picture's style sheet by class.
 
 Knows numbers and pixels, nothing of robots. Sizes are in the units of the drawing's viewBox.
 """
@@ -99,15 +99,24 @@ def safe(text: str) -> str:
 
 def draw(chart: Chart) -> str:
     """The chart as one `<svg>` element."""
-    frame = _frame(chart)
     box = f"0 0 {chart.width:g} {chart.height:g}"
+    head = f'<svg class="chart" viewBox="{box}" role="img" aria-label="{safe(chart.title)}">'
+    return f"{head}\n{_contents(chart)}\n</svg>"
+
+
+def place(chart: Chart, x: float, y: float) -> str:
+    """The chart as a group, for a larger drawing, with its upper left corner at x, y."""
+    head = f'<g class="chart" transform="translate({x:g} {y:g})" role="img" '
+    return f'{head}aria-label="{safe(chart.title)}">\n{_contents(chart)}\n</g>'
+
+
+def _contents(chart: Chart) -> str:
+    frame = _frame(chart)
     parts = [
-        f'<svg class="chart" viewBox="{box}" role="img" aria-label="{safe(chart.title)}">',
         *_axes(chart, frame),
         *(_level(frame, level) for level in chart.levels),
         *(_path(frame, line) for line in chart.lines),
         *_marks(frame, chart.marks),
-        "</svg>",
     ]
     return "\n".join(part for part in parts if part)
 
@@ -181,15 +190,15 @@ def _axes(chart: Chart, frame: _Frame) -> list[str]:
     for value in ticks(*frame.y, max(3, int((frame.bottom - frame.top) / 34))):
         y = frame.py(value)
         parts.append(_segment("grid", frame.left, y, frame.right, y))
-        parts.append(_text("tick end", frame.left - 5, y + 3.5, _number(value)))
+        parts.append(text("tick end", frame.left - 5, y + 3.5, _number(value)))
     for value in ticks(*frame.x, max(3, int((frame.right - frame.left) / 48))):
         x = frame.px(value)
         parts.append(_segment("grid", x, frame.top, x, frame.bottom))
-        parts.append(_text("tick middle", x, frame.bottom + 13, _number(value)))
+        parts.append(text("tick middle", x, frame.bottom + 13, _number(value)))
     parts.append(_segment("axis", frame.left, frame.bottom, frame.right, frame.bottom))
     parts.append(_segment("axis", frame.left, frame.top, frame.left, frame.bottom))
     middle = 0.5 * (frame.top + frame.bottom)
-    parts.append(_text("label end", frame.right, chart.height - 6, chart.x_label))
+    parts.append(text("label end", frame.right, chart.height - 6, chart.x_label))
     parts.append(
         f'<text class="label middle" transform="translate(11 {middle:.1f}) rotate(-90)">'
         f"{safe(chart.y_label)}</text>"
@@ -205,8 +214,9 @@ def _segment(style: str, x1: float, y1: float, x2: float, y2: float) -> str:
     return f'<line class="{style}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
-def _text(style: str, x: float, y: float, text: str) -> str:
-    return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{safe(text)}</text>'
+def text(style: str, x: float, y: float, words: str) -> str:
+    """A line of text that begins, ends or is centred at x, as its style says."""
+    return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{safe(words)}</text>'
 
 
 def _level(frame: _Frame, level: float) -> str:
@@ -233,6 +243,8 @@ def _marks(frame: _Frame, marks: tuple[Mark, ...]) -> list[str]:
         return []
     middle_x = sum(mark.x for mark in marks) / len(marks)
     middle_y = sum(mark.y for mark in marks) / len(marks)
+    heights = [frame.py(mark.y) for mark in marks]
+    in_a_row = max(heights) - min(heights) < 1.0  # a label beside would lie on the line
     labels: dict[tuple[int, int], tuple[Mark, list[str]]] = {}
     for mark in marks:
         key = (round(frame.px(mark.x) / 4), round(frame.py(mark.y) / 4))
@@ -243,8 +255,10 @@ def _marks(frame: _Frame, marks: tuple[Mark, ...]) -> list[str]:
     for mark, names in labels.values():
         x, y = frame.px(mark.x), frame.py(mark.y)
         away_x, away_y = x - frame.px(middle_x), y - frame.py(middle_y)
+        if in_a_row:
+            away_x, away_y = 0.0, -1.0
         far = math.hypot(away_x, away_y) or 1.0
         parts.append(f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3.2"/>')
         label_x, label_y = x + 13 * away_x / far, y + 13 * away_y / far + 4
-        parts.append(_text("mark middle", label_x, label_y, ", ".join(names)))
+        parts.append(text("mark middle", label_x, label_y, ", ".join(names)))
     return parts
