@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import yaml
 
 from sphmctl.config import Cell, dump, emulated_cell, load_cell
 from sphmctl.errors import InvalidError
+from sphmctl.robots.sphm.bodies import Box, Plane
+from sphmctl.robots.sphm.load import Payload
 
 CELLS = Path(__file__).parents[1] / "configs" / "cells"
 LAB = (CELLS / "lab.yaml").read_text()
@@ -167,3 +170,68 @@ def test_falling_ticks_are_right_when_they_stay_in_range(tmp_path: Path) -> None
         "[1, 1, 1]", "[-1, -1, 1]"
     )
     assert cell_of(tmp_path, text).wrist.direction == (-1, -1, 1)
+
+
+SURROUNDED = (
+    LAB
+    + """
+obstacles:
+  boxes:
+    table: {size_mm: [800, 600, 40], pose: [600, 0, -20, 90, 0, 0]}
+  planes:
+    wall: {point_mm: [0, 900, 0], normal: [0, -2, 0]}
+payload: {mass_kg: 0.3, centre_mm: [0, 5, 40]}
+"""
+)
+
+
+def test_obstacles_and_payload_become_bodies_in_metres(tmp_path: Path) -> None:
+    cell = cell_of(tmp_path, SURROUNDED)
+    table, wall = cell.obstacle_bodies
+    assert isinstance(table, Box)
+    assert isinstance(wall, Plane)
+    assert (table.name, wall.name) == ("table", "wall")
+    np.testing.assert_allclose(table.half_m, [0.4, 0.3, 0.02])
+    np.testing.assert_allclose(table.pose[:3, 3], [0.6, 0.0, -0.02])
+    np.testing.assert_allclose(table.pose[:3, 0], [0.0, 1.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(wall.point_m, [0.0, 0.9, 0.0])
+    np.testing.assert_allclose(wall.normal, [0.0, -1.0, 0.0])
+    assert cell.payload.on_platform() == Payload(0.3, (0.0, 0.005, 0.04))
+    assert cell_of(tmp_path, dump(cell)) == cell
+
+
+def test_a_cell_without_obstacles_has_none_and_carries_a_pen() -> None:
+    assert emulated_cell().obstacle_bodies == ()
+    assert emulated_cell().payload.on_platform() == Payload(0.05, (0.0, 0.0, 0.03))
+
+
+def test_what_the_sample_cell_shows_in_comments_loads(tmp_path: Path) -> None:
+    shown = re.sub(r"^# (?=obstacles:|payload:|  )", "", LAB, flags=re.MULTILINE)
+    cell = cell_of(tmp_path, shown)
+    assert [obstacle.name for obstacle in cell.obstacle_bodies] == ["table", "wall"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("planes:", "plane:", "obstacles.plane: this key is not known (did you mean 'planes'?)"),
+        ("size_mm", "size_m", "this key is not known (did you mean 'size_mm'?)"),
+        ("normal:", "normals:", "this key is not known (did you mean 'normal'?)"),
+        ("mass_kg", "mass_g", "this key is not known (did you mean 'mass_kg'?)"),
+        ("obstacles:", "obstacle:", "this key is not known (did you mean 'obstacles'?)"),
+        ("[800, 600, 40]", "[800, 600]", "has 2 numbers; give 3: the box's size along x, y, z"),
+        ("[800, 600, 40]", "[800, 0, 40]", "0 is no size; give more than 0"),
+        ("[0, -2, 0]", "[0, 0, 0]", "[0, 0, 0] is no direction; up is [0, 0, 1]"),
+        ("point_mm: [0, 900, 0]", "point_mm: [0, 90000, 0]", "90000 is out of range"),
+        ("wall: {", "table: {", "the name 'table' is taken by a box; give another"),
+        ("mass_kg: 0.3", "mass_kg: 300", "should be less than or equal to 6"),
+    ],
+)
+def test_wrong_obstacles_and_payloads_are_refused(
+    tmp_path: Path, old: str, new: str, words: str
+) -> None:
+    assert old in SURROUNDED
+    before, _, after = SURROUNDED.rpartition(old)
+    with pytest.raises(InvalidError) as caught:
+        cell_of(tmp_path, before + new + after)
+    assert words in str(caught.value)
