@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -142,7 +143,9 @@ def whole_file(path: Path) -> Iterator[TextIO]:
         raise InvalidError("this is a folder; name a file", str(path))
     special = path.exists() and not path.is_file()
     final = path if special else Path(os.path.realpath(path))
-    part = final if special else final.with_name(f".{os.getpid()}.part")
+    # The name's checksum keeps apart what is written at once, and short what may be long.
+    mark = f"{os.getpid()}.{zlib.crc32(os.fsencode(final.name)):08x}"
+    part = final if special else final.with_name(f".{mark}.part")
     try:
         with part.open("w", encoding="utf-8", newline="") as stream:
             yield stream

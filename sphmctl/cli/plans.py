@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, whole_file
+from sphmctl.errors import InvalidError
 
 INFEASIBLE_EXIT = 4
 
@@ -50,33 +51,60 @@ def check(
 def plan(
     path: PathArgument,
     out: Annotated[
-        Path, typer.Option(metavar="FILE.csv", help="The file to write, whole or not at all.")
-    ],
+        Path | None, typer.Option(metavar="FILE.csv", help="Write the plan's rows as CSV.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Draw path, joints, speeds and margins."),
+    ] = None,
+    view: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.html", help="Write a page that shows the robot moving in 3D."),
+    ] = None,
     speed: SpeedOption = None,
     cell: CellOption = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Write a path's plan as CSV: time, joints, tool pose, and the arm's stops.
+    """Write a path's plan as CSV, as a drawing, or as a page with the robot in 3D.
 
-    Nothing moves. The columns are t_s, a1_deg to a6_deg, theta7_deg to
-    theta9_deg, x_mm, y_mm, z_mm, a_deg, b_deg, c_deg in the path's base frame,
-    and knot, the number of the stop that the arm makes there. A file of that
-    name is replaced. Exit code 4 when the path cannot be driven.
+    Nothing moves. Give at least one of the three files; each is written whole or
+    not at all, and replaces one of that name. The page opens in any browser,
+    without network. The columns of the CSV are t_s, a1_deg to a6_deg, theta7_deg
+    to theta9_deg, x_mm, y_mm, z_mm, a_deg, b_deg, c_deg in the path's base frame,
+    and knot, the number of the stop that the arm makes there. Exit code 4 when
+    the path cannot be driven.
 
     Example: sphmctl plan configs/paths/octagon.yaml --out octagon.csv
     """
-    from sphmctl import planner
+    from contextlib import ExitStack
+
+    from sphmctl import pictures, planner
     from sphmctl.pathfile import load_path
 
+    files = {"out": out, "plot": plot, "view": view}
+    given = [file.resolve() for file in files.values() if file]
+    if not given or len(set(given)) < len(given):
+        raise InvalidError("give --out, --plot or --view, each with its own file", "command line")
     chosen = cell_of(cell)
     percent = chosen.plan_speed_percent if speed is None else speed
     wanted = load_path(path)
-    with whole_file(out) as stream:
+    limits = pictures.Limits(chosen.ranges_rad, chosen.speeds_rad_s, chosen.accelerations_rad_s2)
+    with ExitStack() as opened:
+        streams = {
+            kind: opened.enter_context(whole_file(file)) for kind, file in files.items() if file
+        }
         made = planner.plan(wanted, chosen, percent / 100.0)
-        stream.write(planner.plan_csv(made))
+        if "out" in streams:
+            streams["out"].write(planner.plan_csv(made))
+        if "plot" in streams:
+            streams["plot"].write(pictures.plot(made, limits))
+        if "view" in streams:
+            around = chosen.obstacle_bodies
+            page = pictures.view(made, limits, chosen.mount_yaw_rad, obstacles=around)
+            streams["view"].write(page)
     document = {
         "name": made.name,
-        "out": str(out),
+        **{kind: str(file) if file else None for kind, file in files.items()},
         "duration_s": made.duration_s,
         "speed_percent": percent,
         "rows": len(made.t),
@@ -123,4 +151,8 @@ def _show_report(document: dict[str, Any]) -> None:
 def _show_plan(document: dict[str, Any]) -> None:
     for note in document["notes"]:
         print(note)
-    print(f"{document['out']}: {document['rows']} rows, {document['duration_s']:.2f} s")
+    for kind in ("plot", "view"):
+        if document[kind]:
+            print(document[kind])
+    told = f"{document['rows']} rows, {document['duration_s']:.2f} s"
+    print(f"{document['out']}: {told}" if document["out"] else told)

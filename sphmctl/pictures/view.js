@@ -404,12 +404,12 @@ function fit() {
   size = [Math.max(box.width, 1), Math.max(box.height, 1)];
   canvas.width = Math.round(size[0] * sharp);
   canvas.height = Math.round(size[1] * sharp);
-  look();
-  ask();
+  draw(); // at once: a new size has wiped the canvas
 }
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
 new ResizeObserver(fit).observe(canvas);
-const asked_t = /[#&]t=([\d.]+)/.exec(location.hash);
-fit();
+// plan.html#t=2.5 opens at that time.
+const opened = /[#&]t=([\d.]+)/.exec(location.hash);
 paint();
-go(asked_t ? Number(asked_t[1]) : 0);
+go(opened ? Number(opened[1]) : 0);
+fit();
