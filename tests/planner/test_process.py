@@ -151,8 +151,8 @@ async def ticks_late(until: asyncio.Future[int]) -> list[float]:
 def test_a_loop_at_250_hz_keeps_its_ticks_while_a_plan_is_made_apart() -> None:
     """Idle, apart and, so that the test can fail, in a thread; turn about, for the noise."""
 
-    async def measure(kind: str) -> float:
-        """Share of missed ticks."""
+    async def measure(kind: str) -> tuple[float, float]:
+        """Share of missed ticks, and the 95th percentile of lateness, s."""
 
         def work() -> int:
             if kind == "apart":
@@ -165,15 +165,19 @@ def test_a_loop_at_250_hz_keeps_its_ticks_while_a_plan_is_made_apart() -> None:
         busy = asyncio.ensure_future(asyncio.to_thread(work))
         late = np.array(await ticks_late(busy))
         assert busy.result() > 0
-        return float((late > LATE_S).mean())
+        return float((late > LATE_S).mean()), float(np.percentile(late, 95))
 
-    found: dict[str, list[float]] = {"idle": [], "apart": [], "thread": []}
+    found: dict[str, list[tuple[float, float]]] = {"idle": [], "apart": [], "thread": []}
     for _ in range(3):
         for kind, results in found.items():
             with clock.urgent():  # as a running cell does
                 results.append(clock.run(measure(kind)))
-    print(f"missed ticks {found}")
-    idle, apart, thread = (min(found[kind]) for kind in ("idle", "apart", "thread"))
+    print(f"share of missed ticks, 95th percentile of lateness: {found}")
     # A virtual machine takes its turns away from idle loops, too: the quietest of each counts.
-    assert apart <= 2.0 * idle + 0.02
-    assert thread > apart + 0.05
+    missed, late_s = (
+        {kind: min(result[k] for result in results) for kind, results in found.items()}
+        for k in range(2)
+    )
+    assert missed["apart"] <= 2.0 * missed["idle"] + 0.02
+    assert late_s["apart"] <= 2.0 * late_s["idle"]
+    assert late_s["thread"] > 2.0 * late_s["apart"]
