@@ -45,11 +45,11 @@ def make_plan(name: str = "sweep", rows: int = 501) -> Plan:
     return Plan(name, 4.0 * u, joints, tool, knots, points, (), TOOL, np.eye(4))
 
 
-def browse(folder: Path, page: Path, *flags: str) -> subprocess.CompletedProcess[str]:
-    """What Chromium prints of a page, with a profile of its own in `folder`."""
+def browse(folder: Path, page: Path, *flags: str, at: str = "") -> subprocess.CompletedProcess[str]:
+    """What Chromium prints of a page, opened at a fragment, with a profile of its own."""
     program = next(found for name in BROWSERS if (found := shutil.which(name)))
     profile = f"--user-data-dir={folder / 'profile'}"
-    command = [program, *FLAGS, profile, *flags, page.as_uri()]
+    command = [program, *FLAGS, profile, *flags, f"{page.as_uri()}#{at}"]
     return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
 
 

@@ -1,0 +1,88 @@
+"""`plan --plot` and `--view`: pictures of a plan beside its CSV, or without it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.cli.rig import Sphmctl
+
+PATH = """\
+version: 1
+name: short
+tool: octagon_pen
+speed: {tcp_mm_s: 50, tcp_mm_s2: 200}
+points:
+  A: {pose: [520, 0, 100, 180, 0, 180], cranks_deg: [100, 100, 100]}
+  B: {pose: [500, 20, 100, 180, 0, 180], cranks_deg: [90, 95, 100]}
+moves:
+  - ptp: A
+  - lin: B
+"""
+
+CELL = """\
+version: 1
+name: boxed
+arm: {driver: emulated}
+wrist: {driver: emulated, mount_yaw_deg: 0}
+limits: {a1: {range_deg: [-20, 20]}}
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    path = tmp_path / "short.yaml"
+    path.write_text(PATH)
+    return path
+
+
+def test_all_three_files_are_written_in_one_go(
+    sphmctl: Sphmctl, short: Path, tmp_path: Path
+) -> None:
+    wanted = ("--out", "a.csv", "--plot", "a.svg", "--view", "a.html")
+    told = sphmctl("plan", short, *wanted, "--json")
+    assert (told.code, told.err) == (0, "")
+    document = told.document
+    assert [document[kind] for kind in ("out", "plot", "view")] == ["a.csv", "a.svg", "a.html"]
+    names = ["a.csv", "a.html", "a.svg", "short.yaml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    drawn = ElementTree.parse(tmp_path / "a.svg").getroot()
+    assert "short" in " ".join(drawn.itertext())
+    assert "short: plan in 3D" in (tmp_path / "a.html").read_text()
+
+
+def test_a_picture_alone_is_told_by_its_name(sphmctl: Sphmctl, short: Path) -> None:
+    told = sphmctl("plan", short, "--plot", "a.svg")
+    assert told.code == 0
+    assert told.out.splitlines()[-2] == "a.svg"
+    assert "None" not in told.out
+    assert sphmctl("plan", short, "--plot", "a.svg", "--json").document["out"] is None
+
+
+def test_the_page_has_the_limits_of_the_cell(sphmctl: Sphmctl, short: Path, tmp_path: Path) -> None:
+    cell = tmp_path / "boxed.yaml"
+    cell.write_text(CELL)
+    assert sphmctl("plan", short, "--view", "a.html", "--cell", cell).code == 0
+    found = re.search(r'id="plan">(.*?)</script>', (tmp_path / "a.html").read_text())
+    assert found is not None
+    assert json.loads(found[1])["ranges"][0] == [-20.0, 20.0]
+
+
+@pytest.mark.parametrize("files", [(), ("--plot", "a.svg", "--view", "./a.svg")])
+def test_no_file_and_one_file_for_two_things_are_refused(
+    sphmctl: Sphmctl, short: Path, files: tuple[str, ...]
+) -> None:
+    told = sphmctl("plan", short, *files, "--json")
+    assert told.code == 3
+    assert "each with its own file" in told.error["message"]
+    assert [path.name for path in short.parent.iterdir()] == ["short.yaml"]
+
+
+def test_a_path_that_cannot_be_driven_leaves_no_picture(sphmctl: Sphmctl, short: Path) -> None:
+    short.write_text(PATH.replace("[500, 20", "[1500, 20"))
+    assert sphmctl("plan", short, "--plot", "a.svg", "--view", "a.html").code == 4
+    assert [path.name for path in short.parent.iterdir()] == ["short.yaml"]
