@@ -1,7 +1,7 @@
 """Looks at the stream that a motion gives: by how much, and where, it goes beyond the bounds.
 
 Speeds and accelerations are differences over 4 ms, as a controller would see them, taken every
-1 ms so that the stream may begin at any instant.
+0.8 ms so that the stream may begin at any instant.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sphmctl.planner.jerk import Pieces
 from sphmctl.planner.topp import SAMPLE_S, Caps
 from sphmctl.planner.track import Track
 
-PHASES = 4
+PHASES = 5
 """Begins of the 4 ms stream that are looked at."""
 
 BLOCK = 50_000

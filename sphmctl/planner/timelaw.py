@@ -21,7 +21,7 @@ from sphmctl.planner.track import Indices, Track, make_track
 FILTER_S = 0.024
 """Length of the box filter: two cycles of 12 ms of the arm's interpolator."""
 
-EXCESS = 1.003
+EXCESS = 1.002
 """Share of a bound that the stream may take: 0.5 % are allowed, the rest is for sampling."""
 
 PATIENT_ROUNDS = 3
