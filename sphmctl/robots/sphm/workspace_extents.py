@@ -1,0 +1,119 @@
+"""The furthest points of the workspace, found by optimisation over the joints.
+
+A pattern search from many starts at once, for all four directions at once: each start tries both
+ways of every joint and takes the best; where none is better its step is halved. It needs no
+derivative, which vanishes where a crank is in line with its coupler, just where the tool is
+furthest out, and it takes limits and collisions by leaving such a way out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphmctl.errors import InfeasibleError
+from sphmctl.motion import Floats
+from sphmctl.robots import kr6, sphm
+from sphmctl.robots.sphm.workspace_robot import Plane, Robot
+
+STARTS = 12
+"""For each direction: the best of DRAWN."""
+
+DRAWN = 3000
+SEED = 1
+FIRST_STEP = 0.1
+"""Of a joint's range."""
+
+LAST_STEP = 1e-5
+"""Of a joint's range, 0.003 degrees: at a smooth maximum that is below 1e-8 m."""
+
+MOST_ROUNDS = 400
+"""Some 120 are usual."""
+
+ARM_JOINTS = (1, 2, 4)
+"""What moves the arm in its plane: A2, A3, A5."""
+
+ALL_JOINTS = (1, 2, 4, 5, 6, 7, 8)
+"""The same with A6 and the cranks. A1 and A4 stay, so that the arm stays in its plane."""
+
+DIRECTIONS: Floats = np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Extents:
+    """How far the point gets, m; and the joints (4, 9) that bring it there, axis 1 at 0."""
+
+    horizontal_m: tuple[float, float]
+    z_m: tuple[float, float]
+    joints: Floats
+
+    def of(self, plane: Plane) -> Extents:
+        """As seen in a plane: at +-90 degrees of axis 1 both sides get as far as the better."""
+        if plane == "a1_0":
+            return self
+        most = max(-self.horizontal_m[0], self.horizontal_m[1])
+        return Extents((-most, most), self.z_m, self.joints)
+
+
+def of_arm(robot: Robot) -> Extents:
+    """Those of the flange's centre, for the arm without the wrist."""
+    return _search(robot, ARM_JOINTS, lambda q: kr6.forward(q[:, :6])[:, :3, 3], 0)
+
+
+def of_hybrid(robot: Robot) -> Extents:
+    """Those of the tool's point."""
+    return _search(
+        robot,
+        ALL_JOINTS,
+        lambda q: sphm.forward(q, robot.tool, robot.mount_yaw)[:, :3, 3],
+        1,
+    )
+
+
+def _search(
+    robot: Robot, moved: tuple[int, ...], place: Callable[[Floats], Floats], which: int
+) -> Extents:
+    """The extents of `place`; `which` of the collisions count: the arm's, or all."""
+    low, high = robot.ranges.T
+    rng = np.random.default_rng(SEED)
+    columns = list(moved)
+    middle = np.clip(np.zeros(9), low, high)
+    joints = np.tile(middle, (DRAWN, 1))
+    joints[:, columns] = rng.uniform(low[columns], high[columns], (DRAWN, len(columns)))
+    joints = joints[~robot.collisions(joints)[which]]
+    if not len(joints):
+        raise InfeasibleError(f"the robot collides in each of {DRAWN} poses tried")
+    best = np.argsort(place(joints) @ DIRECTIONS.T, axis=0)[-STARTS:].T
+    count = best.shape[1]
+    q = joints[best.ravel()]
+    towards = np.repeat(DIRECTIONS, count, axis=0)
+    value = np.einsum("ij,ij->i", place(q), towards)
+    step = np.full(len(q), FIRST_STEP)
+    ways = np.zeros((2 * len(columns), 9))
+    for i, column in enumerate(columns):
+        ways[2 * i : 2 * i + 2, column] = [1.0, -1.0]
+    ways *= high - low
+    for _ in range(MOST_ROUNDS):
+        live = np.flatnonzero(step > LAST_STEP)
+        if not len(live):
+            break
+        tried = np.clip(q[live, None] + step[live, None, None] * ways, low, high)
+        flat = tried.reshape(-1, 9)
+        reached = np.einsum("ij,ij->i", place(flat), np.repeat(towards[live], len(ways), axis=0))
+        better = np.flatnonzero(reached > np.repeat(value[live], len(ways)))
+        good = better[~robot.collisions(flat[better])[which]]
+        score = np.full(len(flat), -np.inf)
+        score[good] = reached[good]
+        score = score.reshape(len(live), -1)
+        pick = score.argmax(axis=1)
+        gained = score[np.arange(len(live)), pick]
+        won = gained > value[live]
+        q[live[won]] = tried[won, pick[won]]
+        value[live[won]] = gained[won]
+        step[live[~won]] *= 0.5
+    furthest = value.reshape(4, count)
+    left, right, down, up = furthest.max(axis=1).tolist()
+    chosen = q.reshape(4, count, 9)[np.arange(4), furthest.argmax(axis=1)]
+    return Extents((-left, right), (-down, up), chosen)

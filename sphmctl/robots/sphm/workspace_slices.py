@@ -1,0 +1,147 @@
+"""The exact cut through the workspace by the arm's own plane, for the arm alone and the hybrid.
+
+Everything beyond axis 2 turns about it with A2. So at each distance from axis 2 the reachable
+points form one arc: from the lowest angle that elbow and hand can bring about, less what A2 can
+turn down, to the highest, plus what it can turn up. Metres and radians; collisions do not count.
+
+In the arm's plane the hand is a bar from the wrist centre, of a length within a range, that leans
+from the forearm by A5. The wrist's tilt adds to that: the platform shifts sideways, and A6 or the
+tilt's direction brings the shift into the plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphmctl.motion import Floats
+from sphmctl.robots.geometry import TURN
+from sphmctl.robots.kr6_model import (
+    AXIS2_FORWARD_M,
+    AXIS2_HEIGHT_M,
+    FLANGE_M,
+    FOREARM_ANGLE_RAD,
+    FOREARM_LENGTH_M,
+    UPPER_ARM_M,
+)
+from sphmctl.robots.sphm.workspace_robot import Bools, Plane, Robot
+
+DISTANCES = 1200
+"""Rows of the table: 0.9 mm apart."""
+
+ELBOWS = 700
+"""Angles of A3 tried for each distance: 0.4 degrees apart. A tenth of them changes areas by 0.2 %."""
+
+LENGTHS = 5
+"""Lengths of the hand tried: the outline comes from the longest, holes from the shortest."""
+
+CRANKS = 17
+"""Angles of each crank in the table of what the hand can be: 7.5 degrees apart."""
+
+CELL_M = 0.0025
+"""Of the grid that areas are counted on: an outline of 7 m then errs by some 0.1 % of the area."""
+
+ROUNDING = 1e-12
+"""Of a cosine: an arm stretched exactly is stretched."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Lengths from the wrist centre to the point, m, and how far each may lean aside, rad."""
+
+    length_m: Floats
+    aside_rad: Floats
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Arcs about axis 2: distance, lowest and highest angle over level; NaN where nothing is."""
+
+    distance_m: Floats
+    low_rad: Floats
+    high_rad: Floats
+
+    def contains(self, x_m: Floats, z_m: Floats) -> Bools:
+        """Which points of the arm's plane, x forward of axis 1 and z over the floor, are in it."""
+        forward, up = x_m - AXIS2_FORWARD_M, z_m - AXIS2_HEIGHT_M
+        distance = np.hypot(forward, up)
+        low = np.interp(distance, self.distance_m, self.low_rad, right=np.nan)
+        high = np.interp(distance, self.distance_m, self.high_rad, right=np.nan)
+        return np.asarray(np.mod(np.arctan2(up, forward) - low, TURN) <= high - low)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells over the plane: their middles, m; the plane of axis 1 is between two of them."""
+
+    horizontal_m: Floats
+    z_m: Floats
+    cell_m: float
+
+    def area_m2(self, cells: Bools) -> float:
+        """The area of the marked cells."""
+        return float(cells.sum()) * self.cell_m**2
+
+
+def arm_alone() -> Hand:
+    """The flange's centre."""
+    return Hand(np.array([FLANGE_M]), np.zeros(1))
+
+
+def hand_of(robot: Robot) -> Hand:
+    """What the hybrid's wrist and tool make of the hand."""
+    one = np.linspace(0.0, 1.0, CRANKS)
+    share = np.stack(np.meshgrid(one, one, one), axis=-1).reshape(-1, 3)
+    low, high = robot.ranges[6:].T
+    point = robot.hand(low + share * (high - low))
+    point = point[~np.isnan(point[:, 0])]
+    across = np.hypot(point[:, 0], point[:, 1])
+    length, aside = np.hypot(across, point[:, 2]), np.arctan2(across, point[:, 2])
+    lengths = np.linspace(length.min(), length.max(), LENGTHS)
+    step = max(float(lengths[1] - lengths[0]), ROUNDING)
+    near = np.abs(length[:, None] - lengths) <= 0.5 * step
+    return Hand(lengths, np.where(near, aside[:, None], 0.0).max(axis=0))
+
+
+def slice_of(robot: Robot, hand: Hand) -> Slice:
+    """The cut by the plane in which axis 1 holds the arm."""
+    elbow = np.append(np.linspace(*robot.ranges[2], ELBOWS), FOREARM_ANGLE_RAD)
+    elbow = elbow[(elbow >= robot.ranges[2, 0]) & (elbow <= robot.ranges[2, 1])]
+    bend = elbow - FOREARM_ANGLE_RAD
+    x, z = UPPER_ARM_M + FOREARM_LENGTH_M * np.cos(bend), -FOREARM_LENGTH_M * np.sin(bend)
+    wrist, angle = np.hypot(x, z), np.arctan2(z, x)  # of the wrist centre, with A2 at 0
+    distance = np.linspace(ROUNDING, wrist.max() + hand.length_m.max(), DISTANCES)[:, None]
+    low, high = np.full(DISTANCES, np.inf), np.full(DISTANCES, -np.inf)
+    for length, aside in zip(hand.length_m, hand.aside_rad, strict=True):
+        cosine = (distance**2 - wrist**2 - length**2) / (2.0 * wrist * length)
+        reached = np.abs(cosine) <= 1.0 + ROUNDING
+        lean = np.arccos(np.clip(cosine, -1.0, 1.0))
+        gain = np.arctan2(length * np.sin(lean), wrist + length * np.cos(lean))
+        for side in (1.0, -1.0):
+            swing = angle + side * lean + elbow
+            swing -= TURN * np.round(swing / TURN)
+            fits = [(swing >= a - aside) & (swing <= b + aside) for a, b in robot.swings()]
+            good = reached & np.logical_or.reduce(fits)
+            low = np.minimum(low, np.where(good, angle + side * gain, np.inf).min(axis=1))
+            high = np.maximum(high, np.where(good, angle + side * gain, -np.inf).max(axis=1))
+    empty = low > high
+    lowest, highest = robot.ranges[1]
+    return Slice(
+        distance[:, 0],
+        np.where(empty, np.nan, low - highest),
+        np.where(empty, np.nan, high - lowest),
+    )
+
+
+def grid_for(reach_m: float, cell_m: float = CELL_M) -> Grid:
+    """A grid over everything within a reach of axis 2, mirrored or not."""
+    half = int(np.ceil((reach_m + AXIS2_FORWARD_M) / cell_m)) + 1
+    horizontal = (np.arange(-half, half) + 0.5) * cell_m
+    return Grid(horizontal, AXIS2_HEIGHT_M + horizontal, cell_m)
+
+
+def cells(cut: Slice, plane: Plane, grid: Grid) -> Bools:
+    """Which cells (horizontal, z) have their middle in the cut by a plane."""
+    inside = cut.contains(grid.horizontal_m[:, None], grid.z_m[None, :])
+    return inside if plane == "a1_0" else inside | inside[::-1]
