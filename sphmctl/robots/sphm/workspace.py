@@ -13,7 +13,7 @@ import numpy as np
 
 from sphmctl.motion import Floats
 from sphmctl.robots.sphm import workspace_extents as extents
-from sphmctl.robots.sphm.workspace_robot import Bools, Plane, Robot
+from sphmctl.robots.sphm.workspace_robot import Plane, Robot
 from sphmctl.robots.sphm.workspace_sampling import Cloud, sample
 from sphmctl.robots.sphm.workspace_slices import (
     Grid,
@@ -22,6 +22,7 @@ from sphmctl.robots.sphm.workspace_slices import (
     cells,
     grid_for,
     hand_of,
+    marked,
     slice_of,
 )
 
@@ -70,17 +71,6 @@ class Survey:
         """A grid over all of the plane's workspace."""
         return grid_for(float(self.hybrid_cut.distance_m[-1]), cell_m)
 
-    def marked(self, point_m: Floats, grid: Grid) -> Bools:
-        """Cells (horizontal, z) in which one of the points (n, 2) lies, or its mirror image.
-
-        At +-90 degrees of axis 1 the plane is symmetric, so that each sample counts on both sides.
-        """
-        out = np.zeros((len(grid.horizontal_m), len(grid.z_m)), dtype=bool)
-        first = np.array([grid.horizontal_m[0], grid.z_m[0]])
-        at = np.floor((point_m - first) / grid.cell_m + 0.5).astype(np.int64)
-        out[at[:, 0], at[:, 1]] = True
-        return out if self.plane == "a1_0" else out | out[::-1]
-
 
 def survey(
     robot: Robot, plane: Plane, samples: int, seed: int, threads: int | None = None
@@ -93,9 +83,8 @@ def survey(
     robot.check(plane)
     arm_cut, hybrid_cut = slice_of(robot, arm_alone()), slice_of(robot, hand_of(robot))
     cloud = sample(robot, plane, samples, seed, threads)
-    nothing = Region((np.nan, np.nan), (np.nan, np.nan), 0.0)
-    found = Survey(plane, *[nothing] * 6, cloud, arm_cut, hybrid_cut)
-    fine = grid_for(float(hybrid_cut.distance_m[-1]))
+    reach_m = float(hybrid_cut.distance_m[-1])
+    fine, coarse = grid_for(reach_m), grid_for(reach_m, SAMPLED_CELL_M)
 
     def exact(reached: extents.Extents, cut: Slice) -> Region:
         seen = reached.of(plane)
@@ -105,23 +94,21 @@ def survey(
         plane,
         exact(extents.of_arm(robot), arm_cut),
         exact(extents.of_hybrid(robot), hybrid_cut),
-        _sampled(found, cloud.flange_m),
-        _sampled(found, cloud.point_m),
-        _sampled(found, cloud.flange_m[cloud.arm_free]),
-        _sampled(found, cloud.point_m[cloud.free]),
+        _sampled(cloud.flange_m, plane, coarse),
+        _sampled(cloud.point_m, plane, coarse),
+        _sampled(cloud.flange_m[cloud.arm_free], plane, coarse),
+        _sampled(cloud.point_m[cloud.free], plane, coarse),
         cloud,
         arm_cut,
         hybrid_cut,
     )
 
 
-def _sampled(found: Survey, point_m: Floats) -> Region:
-    """What samples alone tell of a region."""
+def _sampled(point_m: Floats, plane: Plane, grid: Grid) -> Region:
+    """What points (n, 2) alone tell of a region."""
     if not len(point_m):
         return Region((np.nan, np.nan), (np.nan, np.nan), 0.0)
     (left, low), (right, high) = point_m.min(axis=0).tolist(), point_m.max(axis=0).tolist()
-    grid = found.grid(SAMPLED_CELL_M)
-    area_m2 = grid.area_m2(found.marked(point_m, grid))
-    if found.plane == "a1_90":
+    if plane == "a1_90":
         left, right = min(left, -right), max(right, -left)
-    return Region((left, right), (low, high), area_m2)
+    return Region((left, right), (low, high), grid.area_m2(marked(point_m, plane, grid)))

@@ -88,10 +88,10 @@ def _wrist_states(robot: Robot) -> Floats:
             towards = direction + robot.mount_yaw
             point = robot.hand(np.clip(cranks, *robot.ranges[6:].T))
             across = point[:, 0] * np.cos(towards) + point[:, 1] * np.sin(towards)
-            for way in (1.0, -1.0):
-                states.append(
-                    np.stack([way * across, point[:, 2], np.full(HEAVES, way * tilt)], axis=1)
-                )
+            states += [
+                np.stack([way * across, point[:, 2], np.full(HEAVES, way * tilt)], axis=1)
+                for way in (1.0, -1.0)
+            ]
     found = np.concatenate(states)
     return np.unique(found[~np.isnan(found).any(axis=1)], axis=0)
 

@@ -38,7 +38,7 @@ class Cloud:
     Attributes:
         joints: rad, (n, 9), with axis 1 and A4 as they put the point into the plane.
         axis_1: as it was drawn, (n,): the same point anywhere about axis 1.
-        flange_m, point_m: the arm's flange and the tool's point in the plane: horizontal, z, (n, 2).
+        flange_m, point_m: flange and tool point in the plane: horizontal and z, (n, 2).
         arm_free, free: (n,) the arm alone, and all of the robot, touch nothing.
     """
 
@@ -89,7 +89,7 @@ def _block(robot: Robot, plane: Plane, count: int, rng: np.random.Generator) -> 
 
 
 def _hand(joints: Floats, point: Floats) -> Floats:
-    """The tool's point from the wrist centre, (3, n): along the forearm, y and z as A4 = 0 has them.
+    """The tool's point from the wrist centre, (3, n): along the forearm, y and z at A4 = 0.
 
     Args:
         point: the same along the flange's axes, (n, 3); these turn as in `kr6.forward`.

@@ -31,7 +31,7 @@ DISTANCES = 1200
 """Rows of the table: 0.9 mm apart."""
 
 ELBOWS = 700
-"""Angles of A3 tried for each distance: 0.4 degrees apart. A tenth of them changes areas by 0.2 %."""
+"""Angles of A3 tried for each distance: 0.4 degrees apart, which errs by 0.03 % in the area."""
 
 LENGTHS = 5
 """Lengths of the hand tried: the outline comes from the longest, holes from the shortest."""
@@ -145,3 +145,15 @@ def cells(cut: Slice, plane: Plane, grid: Grid) -> Bools:
     """Which cells (horizontal, z) have their middle in the cut by a plane."""
     inside = cut.contains(grid.horizontal_m[:, None], grid.z_m[None, :])
     return inside if plane == "a1_0" else inside | inside[::-1]
+
+
+def marked(point_m: Floats, plane: Plane, grid: Grid) -> Bools:
+    """Cells (horizontal, z) that hold one of the points (n, 2), or its mirror image.
+
+    At +-90 degrees of axis 1 the plane is symmetric, so that each point counts on both sides.
+    """
+    out = np.zeros((len(grid.horizontal_m), len(grid.z_m)), dtype=bool)
+    first = np.array([grid.horizontal_m[0], grid.z_m[0]])
+    at = np.floor((point_m - first) / grid.cell_m + 0.5).astype(np.int64)
+    out[at[:, 0], at[:, 1]] = True
+    return out if plane == "a1_0" else out | out[::-1]
