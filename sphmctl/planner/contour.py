@@ -22,9 +22,13 @@ from sphmctl.robots.geometry import angle_between
 
 Indices: TypeAlias = NDArray[np.intp]
 
-STEP_RAD = 0.1
-"""Largest turn of tangent, tool or wrist from one row of a grid to the next: 6 degrees, with which
-differences of fourth order err by 1e-5."""
+STEP_RAD = 0.05
+"""Mean turn of tangent, tool or wrist within a piece from one row of a grid to the next; in the
+middle of a corner twice that, 6 degrees: differences of fourth order err by 1e-5."""
+
+
+LEAST_CELL_M = 1e-12
+"""Between two joints; less is rounding."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +168,7 @@ class Contour:
     def grid(self, spacing_m: float) -> Floats:
         """Rising arc lengths (n,) from 0 to the length, with every joint of two pieces among them.
 
-        At most `spacing_m` apart, and less where tangent, tool or wrist turn by more than STEP_RAD.
+        At most `spacing_m` apart, and less where tangent, tool or wrist turn, see STEP_RAD.
         """
         joints = self.joints_m
         size = np.diff(joints)
@@ -187,8 +191,10 @@ class Contour:
         joints = np.concatenate(found)
         joints[-1] = self.length_m
         # Where a span was cut close to a joint, rounding would leave a cell without length.
-        far = np.diff(joints) > 1e-12
-        return np.asarray(joints[np.concatenate([[True], far])])
+        keep = np.append(True, np.diff(joints) > LEAST_CELL_M)
+        if not keep[-1]:
+            keep[-2:] = False, True
+        return np.asarray(joints[keep])
 
     def _turn(self, joints: Floats, middle: Floats) -> Floats:
         """The largest turn within each cell: of tangent, tool, wrist; rad, (cells,)."""

@@ -40,7 +40,7 @@ CHUNK = 2048
 SLOWEST_SHARE = 1e-3
 """Of a piece's mean |dp/du|: slower, the curve all but stands there and turns on the spot."""
 
-SHORTEST_M = 1e-10
+SHORTEST_M = 1e-14
 """A straight piece shorter than this between two corners is rounding."""
 
 _X, _W = np.polynomial.legendre.leggauss(NODES)

@@ -16,7 +16,7 @@ from sphmctl.planner.drawing import SPOT_LEAST_M, SPOT_M_RAD, Forward, Part, Sta
 from sphmctl.planner.shapes import Shape, Spot
 from sphmctl.planner.spline import Track, chain
 from sphmctl.planner.turning import Between
-from sphmctl.planner.wrists import CRANKS, OPEN, group, wrist_track
+from sphmctl.planner.wrists import OPEN, group, wrist_track
 from sphmctl.robots.geometry import angle_between
 
 SMOOTH_RAD = 1e-4
@@ -68,7 +68,9 @@ def contours(
         InfeasibleError: the tool would have to turn by half a turn.
     """
     stand = Stand(begin)
-    outline = _Outline(file, OPEN if begin_cranks_rad is None else np.append(begin_cranks_rad, 0.0))
+    outline = _Outline(file, begin, OPEN)
+    if begin_cranks_rad is not None:
+        outline.now = np.append(begin_cranks_rad, 0.0)
     for move in moves:
         try:
             parts = draw(move, stand, forward)
@@ -91,10 +93,12 @@ class _Outline:
     """The contours found, and the run of parts that will be the next one.
 
     Attributes:
-        now: the wrist's values where the next part begins, or OPEN.
+        pose: of the tool where the next part begins, (4, 4).
+        now: the wrist's values there, or OPEN.
     """
 
     file: str
+    pose: Floats
     now: Floats
     found: list[Contour] = field(default_factory=list)
     run: _Run | None = None
@@ -109,15 +113,16 @@ class _Outline:
                 run.parts.append(part)
                 run.wrists.append(wrist)
                 run.blends.append(blend)
-                self._go_on(wrist)
+                self._go_on(part, wrist)
                 return
             self.close()
-            self._change_on_the_spot(run, part, wrist)
+        self._change_on_the_spot(run, part, wrist)
         self.run = _Run([part], [wrist], [])
-        self._go_on(wrist)
+        self._go_on(part, wrist)
 
-    def _go_on(self, wrist: Track | None) -> None:
-        """The wrist's values at the end of a part are those at the next one's begin, if known."""
+    def _go_on(self, part: Part, wrist: Track | None) -> None:
+        """The values at the end of a part are those at the next one's begin, if known."""
+        self.pose = part.stand.pose
         self.now = OPEN if wrist is None else wrist.values[-1]
         if len(self.now) == len(OPEN) and self.now[3] > 0.0:
             self.now = OPEN
@@ -146,15 +151,15 @@ class _Outline:
         self.found.append(_contour(run, corners))
         self.run = None
 
-    def _change_on_the_spot(self, run: _Run, part: Part, wrist: Track | None) -> None:
-        """What tool and wrist must change between two parts, while the tool point stands."""
-        end, begin = run.parts[-1].stand.pose, part.shape.pose(np.zeros(1))[0]
+    def _change_on_the_spot(self, run: _Run | None, part: Part, wrist: Track | None) -> None:
+        """What tool and wrist must change before a part, while the tool point stands."""
+        end, begin = self.pose, part.shape.pose(np.zeros(1))[0]
         angle = float(angle_between(end[:3, :3], begin[:3, :3]))
-        last, move, jump, values = run.wrists[-1], part.move, 0.0, None
+        move, jump, values = part.move, 0.0, None
         if wrist is not None:
             values = wrist.values[[0, 0]]
-            policy = group(move.wrist)
-            if last is not None and policy == group(run.parts[-1].move.wrist) != CRANKS:
+            last = None if run is None else run.wrists[-1]
+            if last is not None and last.values.shape[1] == values.shape[1] != len(OPEN):
                 values[0] = last.values[-1]
                 jump = float(np.abs(values[1] - values[0]).max())
         if max(angle, jump) < GAP_RAD:
