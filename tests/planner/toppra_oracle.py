@@ -16,7 +16,9 @@ DIRECTIONS = 360
 """Sides of the polygon around the circle of the tool's acceleration: 0.004 % outside it."""
 
 
-def toppra_duration_s(joints: Floats, s: Floats, limits: Bounds, tool: Floats | None = None) -> float:
+def toppra_duration_s(
+    joints: Floats, s: Floats, limits: Bounds, tool: Floats | None = None
+) -> float:
     """How long toppra takes along joints (n, 9) and tool points (n, 2) on the grid s (n,).
 
     The tool's speed is held by a tenth joint that runs with s, so s must then be arc length.
