@@ -104,6 +104,8 @@ def test_lost_control_of_the_platform_is_refused() -> None:
 
 def test_rows_without_numbers_are_passed_over() -> None:
     broken = [*EASY_DEG[:6], 6.0, 6.0, 140.0]
-    found = examine(rows(EASY_DEG, broken), AROUND)
+    floor = Plane("floor", np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0]))
+    post = Box("post", pose_matrix([2.0, 0.0, 0.0], [0.0, 0.0, 0.0]), np.array([0.1, 0.1, 0.5]))
+    found = examine(rows(EASY_DEG, broken), replace(AROUND, obstacles=(floor, post)))
     assert found.problems == ()
     assert all(np.isfinite(one.value) and one.row == 0 for one in found.margins)
