@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 CELL_VARIABLE = "SPHMCTL_CELL"
 DEFAULT_CELL = Path("cell.yaml")
+
+_parts = itertools.count()
+"""Numbers the files being written, so that one command may write several beside each other."""
 
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")

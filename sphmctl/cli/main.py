@@ -13,7 +13,17 @@ import sys
 import typer
 import typer.exceptions
 
-from sphmctl.cli import commissioning, exporting, firmware, kinematics, krl, plans, runs, service
+from sphmctl.cli import (
+    commissioning,
+    exporting,
+    firmware,
+    kinematics,
+    krl,
+    plans,
+    runs,
+    service,
+    workspace,
+)
 from sphmctl.cli.common import say
 from sphmctl.errors import SphmctlError
 
@@ -43,6 +53,7 @@ app.command("run")(runs.run)
 app.command("emulate")(service.emulate)
 app.command("doctor")(service.doctor)
 app.command("status")(service.status)
+app.command("workspace")(workspace.workspace)
 app.command("commission")(commissioning.commission)
 app.add_typer(firmware.app)
 app.add_typer(krl.app)

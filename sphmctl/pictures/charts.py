@@ -110,6 +110,12 @@ def place(chart: Chart, x: float, y: float) -> str:
     return f'{head}aria-label="{safe(chart.title)}">\n{_contents(chart)}\n</g>'
 
 
+def scale(chart: Chart) -> float:
+    """How much of the drawing one unit of x takes."""
+    frame = _frame(chart)
+    return frame.px(1.0) - frame.px(0.0)
+
+
 def _contents(chart: Chart) -> str:
     frame = _frame(chart)
     parts = [

@@ -1,0 +1,223 @@
+"""A workspace as one SVG: clouds in space, cuts by the plane, what can be pointed where.
+
+In the manner of Elsamanty et al., Appl. Sci. 2023, 13, 2088, Figures 6 to 9, arm alone on the left,
+hybrid on the right. Light and dark.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sphmctl.motion import Floats
+from sphmctl.pictures import charts
+from sphmctl.pictures.charts import Chart, Line, Mark, safe
+from sphmctl.pictures.plot import EDGE, GAP, WIDTH
+from sphmctl.pictures.plot import STYLE as PLOT_STYLE
+from sphmctl.robots.sphm.workspace import Survey
+from sphmctl.robots.sphm.workspace_capability import Capability, lean, share
+from sphmctl.robots.sphm.workspace_robot import Bools
+from sphmctl.robots.sphm.workspace_slices import Grid, Slice, cells, marked
+
+SPACE_DOTS, PLANE_DOTS = 6000, 8000
+"""Samples drawn: enough to fill a panel, and a picture of less than a megabyte."""
+
+OUTLINE_CELL_M = 0.004
+"""Of the grid whose steps draw an outline: less than a pixel."""
+
+PANEL_WIDTH, PANEL_HEIGHT = 530.0, 480.0
+HEAD = 24.0
+AZIMUTH_RAD, ELEVATION_RAD = float(np.radians(-50.0)), float(np.radians(22.0))
+"""Where the clouds are looked at from: from the front, a little from the right, and from above."""
+
+AXES_M = 1.2
+BANDS = 5
+"""Colours of height in the clouds, and steps of the maps."""
+
+LEAN_STEPS_DEG = (0.0, 15.0, 30.0, 60.0, 90.0)
+"""From where each step of the map of leans begins."""
+
+STYLE = (
+    PLOT_STYLE
+    + """
+.dots { stroke-width: 1.6; opacity: .5; } .outline { stroke-width: 1.6; }
+.beyond { stroke: var(--c2); } .alone { stroke: var(--c1); } .soft { stroke: var(--soft); }
+.cell { stroke: var(--c3); stroke-linecap: square; stroke-width: var(--cell); }
+"""
+    + "\n".join(f".m{k} {{ opacity: {0.15 + 0.2 * k:.2f}; }}" for k in range(BANDS))
+)
+
+
+def picture(survey: Survey, map_: Capability, notes: tuple[str, ...]) -> str:
+    """The picture's text; `notes` are lines of figures below the title."""
+    name = "axis 1 at 0" if survey.plane == "a1_0" else "axis 1 at −90 and 90 degrees"
+    title = f"Workspace of the arm and of the hybrid, {name}"
+    parts = [charts.text("title", EDGE, 40.0, title)]
+    y = 62.0
+    for note in notes:
+        parts.append(charts.text("note", EDGE, y, note))
+        y += 19.0
+    cloud = survey.cloud
+    arm = cloud.flange_m[cloud.arm_free], cloud.axis_1[cloud.arm_free]
+    hybrid = cloud.point_m[cloud.free], cloud.axis_1[cloud.free]
+    # At 90 degrees of axis 1 the horizontal coordinate y runs against the arm's forward.
+    ahead = np.where(cloud.joints[:, :1] > 0.0, [-1.0, 1.0], [1.0, 1.0])
+    arm_forward, forward = ahead[cloud.arm_free] * arm[0], ahead[cloud.free] * hybrid[0]
+    rows = [
+        [
+            _space("Arm alone: samples in space", arm_forward, arm[1]),
+            _space("Hybrid: samples in space", forward, hybrid[1]),
+        ],
+        [
+            _cut("Arm alone: samples and cut", survey, arm[0], (survey.arm_cut,)),
+            _cut(
+                "Hybrid: samples and cut; the arm's inside",
+                survey,
+                hybrid[0],
+                (survey.hybrid_cut, survey.arm_cut),
+            ),
+        ],
+        _maps(survey, map_, arm[0], hybrid[0]),
+        _leans(survey, map_, arm[0], hybrid[0]),
+    ]
+    for row in rows:
+        for column, (head, chart) in enumerate(row):
+            x = EDGE + column * (PANEL_WIDTH + GAP)
+            parts.append(charts.text("head", x, y + 14.0, head))
+            parts.append(f'<g style="--cell: {_cell_px(chart, map_.grid):.2f}px">')
+            parts += [charts.place(chart, x, y + HEAD), "</g>"]
+        y += HEAD + PANEL_HEIGHT + 10.0
+    size = f'width="{WIDTH:g}" height="{y:g}" viewBox="0 0 {WIDTH:g} {y:g}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
+    page = f'<rect class="page" width="{WIDTH:g}" height="{y:g}"/>'
+    about = f"<title>{safe(title)}</title>"
+    return "\n".join([head, about, f"<style>{STYLE}</style>", page, *parts, "</svg>\n"])
+
+
+Panel = tuple[str, Chart]
+
+
+def _space(head: str, point_m: Floats, axis_1: Floats) -> Panel:
+    """A cloud seen from aside, by height; each sample stands where its axis 1 was drawn."""
+    some = _some(len(point_m), SPACE_DOTS)
+    forward, z = point_m[some].T
+    xyz = np.stack([forward * np.cos(axis_1[some]), -forward * np.sin(axis_1[some]), z])
+    band = np.digitize(z, np.linspace(-0.55, 1.5, BANDS + 1)[1:-1])
+    seen = _seen(xyz)
+    lines = [_dots(seen[:, band == k], f"dots s{5 - k}") for k in range(BANDS) if (band == k).any()]
+    tips = AXES_M * np.eye(3)
+    marks = []
+    for (across, up), name in zip((_seen(tips) * 1e3).T.tolist(), "xyz", strict=True):
+        lines.append(Line(np.array([0.0, across]), np.array([0.0, up]), "outline soft"))
+        marks.append(Mark(across, up, name))
+    return head, _chart(head, tuple(lines), "across the view, mm", "up the view, mm", tuple(marks))
+
+
+def _seen(xyz: Floats) -> Floats:
+    """Points (3, n) across and up in the view, (2, n)."""
+    ca, sa, ce, se = (f(a) for a in (AZIMUTH_RAD, ELEVATION_RAD) for f in (np.cos, np.sin))
+    x, y, z = xyz
+    return np.stack([-sa * x + ca * y, ce * z - se * (ca * x + sa * y)])
+
+
+def _cut(head: str, survey: Survey, point_m: Floats, cuts: tuple[Slice, ...]) -> Panel:
+    some = point_m[_some(len(point_m), PLANE_DOTS)]
+    grid = survey.grid(OUTLINE_CELL_M)
+    styles = ("outline alone",) if len(cuts) == 1 else ("outline beyond", "outline alone")
+    lines = [_dots(some.T, "dots soft")]
+    lines += [
+        _outline(cells(cut, survey.plane, grid), grid, style)
+        for cut, style in zip(cuts, styles, strict=True)
+    ]
+    return head, _chart(head, tuple(lines), _across(survey), "z, mm")
+
+
+def _outline(inside: Bools, grid: Grid, style: str) -> Line:
+    """The edges between cells inside and outside, each run of them as one stroke."""
+    strokes = []
+    for turned in (False, True):
+        area = inside.T if turned else inside
+        along, over = (grid.z_m, grid.horizontal_m) if turned else (grid.horizontal_m, grid.z_m)
+        edge = area[:, 1:] != area[:, :-1]
+        for row in np.flatnonzero(edge.any(axis=0)):
+            jumps = np.diff(np.concatenate([[0], edge[:, row].astype(np.int8), [0]]))
+            at = over[row] + grid.cell_m / 2.0
+            half = grid.cell_m / 2.0
+            for first, after in zip(
+                np.flatnonzero(jumps == 1), np.flatnonzero(jumps == -1), strict=True
+            ):
+                ends = [along[first] - half, along[after - 1] + half, np.nan]
+                level = [at, at, np.nan]
+                strokes.append([level, ends] if turned else [ends, level])
+    x, y = np.concatenate(strokes, axis=1) * 1e3 if strokes else np.full((2, 1), np.nan)
+    return Line(x, y, style)
+
+
+def _maps(survey: Survey, map_: Capability, arm_m: Floats, hybrid_m: Floats) -> list[Panel]:
+    """How much of all directions in the plane can be pointed to."""
+    panels = []
+    for name, reached, points in (
+        ("Arm alone", map_.arm, arm_m),
+        ("Hybrid", map_.hybrid, hybrid_m),
+    ):
+        value = np.where(reached.any(axis=-1), share(reached), np.nan)
+        band = np.minimum(np.floor(value * BANDS), BANDS - 1)
+        head = f"{name}: directions that can be pointed to, in steps of 20 %"
+        panels.append(_mapped(survey, map_.grid, head, band, points))
+    return panels
+
+
+def _leans(survey: Survey, map_: Capability, arm_m: Floats, hybrid_m: Floats) -> list[Panel]:
+    """How far one may lean from straight down."""
+    panels = []
+    for name, reached, points in (
+        ("Arm alone", map_.arm, arm_m),
+        ("Hybrid", map_.hybrid, hybrid_m),
+    ):
+        angle = np.degrees(lean(reached))
+        band = np.where(np.isnan(angle), np.nan, np.digitize(angle + 1e-9, LEAN_STEPS_DEG) - 1.0)
+        head = f"{name}: lean from straight down, from 0, 15, 30, 60, 90 degrees"
+        panels.append(_mapped(survey, map_.grid, head, band, points))
+    return panels
+
+
+def _mapped(survey: Survey, grid: Grid, head: str, band: Floats, point_m: Floats) -> Panel:
+    """Cells in steps; those without a sample free of collisions stay empty."""
+    band = np.where(marked(point_m, survey.plane, grid), band, np.nan)
+    lines = []
+    for k in range(BANDS):
+        column, row = np.nonzero(band == k)
+        places = np.stack([grid.horizontal_m[column], grid.z_m[row]])
+        lines.append(_dots(places, f"cell m{k}"))
+    edge = _outline(
+        cells(survey.hybrid_cut, survey.plane, survey.grid(OUTLINE_CELL_M)),
+        survey.grid(OUTLINE_CELL_M),
+        "outline soft",
+    )
+    return head, _chart(head, (*lines, edge), _across(survey), "z, mm")
+
+
+def _dots(place_m: Floats, style: str) -> Line:
+    """Points (2, n) as lone points of a line, which charts draws as dots."""
+    x, y = np.full((2, 2 * place_m.shape[1]), np.nan)
+    x[::2], y[::2] = place_m * 1e3
+    return Line(x, y, style)
+
+
+def _some(count: int, most: int) -> slice:
+    """The first ones: samples come in no order."""
+    return slice(0, min(count, most))
+
+
+def _across(survey: Survey) -> str:
+    return "x, mm" if survey.plane == "a1_0" else "y, mm"
+
+
+def _chart(
+    title: str, lines: tuple[Line, ...], x: str, y: str, marks: tuple[Mark, ...] = ()
+) -> Chart:
+    return Chart(title, lines, x, y, PANEL_WIDTH, PANEL_HEIGHT, marks, equal=True)
+
+
+def _cell_px(chart: Chart, grid: Grid) -> float:
+    """How wide a map's cell is in a chart."""
+    return grid.cell_m * 1e3 * charts.scale(chart)
