@@ -80,15 +80,18 @@ def closeness(q: Floats, ranges: Floats) -> Floats:
     return np.asarray(CLOSENESS * total)
 
 
-def swing(a: Floats, b: Floats, length_m: Floats, setup: Setup) -> Floats:
+def swing(
+    a: Floats, b: Floats, length_m: Floats, setup: Setup, through_rad: float = THROUGH_RAD
+) -> Floats:
     """What A4 and A6 cost between joints (..., 9) and (..., 9) where they pass A5 = 0.
 
     Seen from the forearm the flange's axis stands at m = sin A5 (cos A4, sin A4). Where m passes
     zero at a distance d, A4 swings round by the angle u between both m as seen from zero; its
     square, integrated over the length l, is |b - a| / (l d) (u + sin u cos u) / 2 on either side of
-    the closest point. A change of A5's sign is continuous only through zero itself.
+    the closest point. A change of A5's sign is continuous only
+    through zero itself, which counts as reached within `through_rad`.
     """
-    (ax, ay), (bx, by) = _aside(a), _aside(b)
+    (ax, ay), (bx, by) = aside(a), aside(b)
     x, y = bx - ax, by - ay
     span = np.maximum(np.hypot(x, y), TINY)
     before, after = -(ax * x + ay * y) / span, (bx * x + by * y) / span
@@ -103,11 +106,11 @@ def swing(a: Floats, b: Floats, length_m: Floats, setup: Setup) -> Floats:
         / length_m
         * np.where((before > 0.0) & (after > 0.0), integral / distance, 0.0)
     )
-    through = np.where(distance <= THROUGH_RAD, 0.0, np.inf)
+    through = np.where(distance <= through_rad, 0.0, np.inf)
     return np.asarray(np.where(over, through, added))
 
 
-def _aside(q: Floats) -> Floats:
+def aside(q: Floats) -> Floats:
     """The flange's axis square to the forearm, (2, ...), for joints (..., 9)."""
     return np.asarray(np.sin(q[..., 4]) * np.stack([np.cos(q[..., 3]), np.sin(q[..., 3])]))
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sphmctl.motion import Floats
+from sphmctl.planner.policies.cost import THROUGH_RAD
 from sphmctl.robots import rrs
 
 FREE_SHARES = (0.08, 0.36, 0.64, 0.92)
@@ -24,6 +25,7 @@ LINE_SHARES: Floats = np.linspace(0.0, 1.0, 17)
 """Of the range of a single parameter: heaves 2.6 mm apart, and both ends."""
 
 Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 
 class Family(Protocol):
@@ -32,6 +34,8 @@ class Family(Protocol):
     Attributes:
         low, high: bounds of the parameters, (n, d).
         step: the first step of the refinement.
+        through_rad: how close to A5 = 0 a way may change A5's sign: the wrist can then be led
+            through zero itself where it has the freedom.
     """
 
     @property
@@ -42,6 +46,9 @@ class Family(Protocol):
 
     @property
     def step(self) -> float: ...
+
+    @property
+    def through_rad(self) -> float: ...
 
     def cranks(self, rows: Rows, values: Floats) -> Floats:
         """Crank angles (..., 3) for parameters (..., d) at rows (...)."""
@@ -60,6 +67,7 @@ class FreeFamily:
     low: Floats
     high: Floats
     step: float = float(np.radians(12.0))
+    through_rad: float = 0.02
 
     @staticmethod
     def of(count: int, ranges: Floats) -> FreeFamily:
@@ -86,6 +94,7 @@ class LevelFamily:
     low: Floats
     high: Floats
     step: float = float(np.radians(4.0))
+    through_rad: float = THROUGH_RAD
 
     @staticmethod
     def of(count: int, ranges: Floats) -> LevelFamily:
@@ -118,6 +127,7 @@ class TiltFamily:
     tilt: Floats
     limits: Floats
     step: float = 1e-3
+    through_rad: float = THROUGH_RAD
 
     def cranks(self, rows: Rows, values: Floats) -> Floats:
         cranks = rrs.inverse(self.direction[rows], self.tilt[rows], values[..., 0])

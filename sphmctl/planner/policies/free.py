@@ -9,9 +9,10 @@ import numpy as np
 
 from sphmctl.motion import Floats
 from sphmctl.planner.policies.families import Family, FreeFamily
-from sphmctl.planner.policies.graph import Ridge, Seed, cheapest, layer_rows
+from sphmctl.planner.policies.graph import Ridge, Seed, cheapest, has_answer, layer_rows
 from sphmctl.planner.policies.known import Task, resolve_cranks
 from sphmctl.planner.policies.outcome import Outcome, Reason, Resolved, Unresolved
+from sphmctl.planner.policies.passage import led_through
 from sphmctl.planner.policies.tube import inserted, refined, smooth
 
 COARSE_M, FINE_M = 0.02, 0.01
@@ -30,6 +31,8 @@ def resolve_free(task: Task, family: Family, seeds: tuple[Seed, ...] = ()) -> Ou
         ridge = cheapest(task, family, rows, seeds, dense)
         if isinstance(ridge, Reason):
             failed = Unresolved((ridge,))
+            if not has_answer(task, family, ridge.row):
+                break
             continue
         for better, curved in _ways(task, family, ridge):
             outcome = resolve_cranks(
@@ -63,6 +66,7 @@ def resolve_auto(task: Task, others: Iterator[Outcome], fallback: Iterator[Outco
 
 def _ways(task: Task, family: Family, ridge: Ridge) -> Iterator[tuple[Ridge, bool]]:
     """The way refined, best first, then plainer ones; whether they are to be drawn as curves."""
+    ridge = led_through(task, family, ridge)
     coarse = refined(task, family, ridge)
     rows = np.union1d(coarse.rows, layer_rows(task.way_m, FINE_M))
     fine = inserted(task, family, coarse, rows)

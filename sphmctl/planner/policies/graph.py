@@ -7,7 +7,7 @@ which no joint jumps. Dynamic programming gives the global optimum over these no
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from sphmctl.errors import Problem
 from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.planner.legs import Setup
 from sphmctl.planner.policies import cost
-from sphmctl.planner.policies.families import Family, Rows
+from sphmctl.planner.policies.families import Family, Flags, Rows
 from sphmctl.planner.policies.known import Task
 from sphmctl.planner.policies.outcome import Reason
 from sphmctl.robots import kr6, sphm
@@ -44,11 +44,13 @@ class Ridge:
         rows: of the path, (L,).
         values: the family's parameters, (L, d).
         joints: rad, (L, 9).
+        pinned: which layers have to stay as they are, (L,).
     """
 
     rows: Rows
     values: Floats
     joints: Floats
+    pinned: Flags
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,8 @@ def cheapest(
         if len(here.joints) == 0:
             break
         reached, here = layers[-1], _layer(task, family, int(row), seeds, dense)
-        edges = _edges(reached, here, max(float(length), cost.SHORTEST_M), task.setup)
+        length = max(float(length), cost.SHORTEST_M)
+        edges = _edges(reached, here, length, task.setup, family.through_rad)
         close = cost.closeness(here.joints, task.setup.ranges)
         edges.price += total[edges.a] + length * (near[edges.a] + close[edges.b]) / 2.0
         nodes, origin, total = _least(edges)
@@ -112,7 +115,14 @@ def cheapest(
         rows,
         np.array([layer.values[node] for layer, node in chosen]),
         np.array([layer.joints[node] for layer, node in chosen]),
+        np.isin(rows, _given(task)),
     )
+
+
+def _given(task: Task) -> list[int]:
+    """The rows whose joints are given."""
+    ends = ((0, task.start), (len(task.target) - 1, task.end))
+    return [row for row, joints in ends if joints is not None]
 
 
 def _layer(task: Task, family: Family, row: int, seeds: tuple[Seed, ...], dense: bool) -> Layer:
@@ -142,14 +152,14 @@ def _answers(task: Task, family: Family, row: int, values: Floats) -> tuple[Floa
     return joints[index, answer], index
 
 
-def _edges(before: Layer, here: Layer, length: float, setup: Setup) -> Edges:
+def _edges(before: Layer, here: Layer, length: float, setup: Setup, through_rad: float) -> Edges:
     """What the travel from nodes to nodes costs where no joint jumps.
 
     A seed may follow itself however far it goes: its way between has been looked at.
     """
     weights = cost.seconds_per_rad(setup)
     a, b = _near(before.joints, here.joints)
-    swing = cost.swing(before.joints[a], here.joints[b], np.array(length), setup)
+    swing = cost.swing(before.joints[a], here.joints[b], np.array(length), setup, through_rad)
     own = [
         (int(origin), int(node))
         for node in np.flatnonzero(here.seed >= 0)
@@ -195,11 +205,16 @@ def _stuck(task: Task, family: Family, rows: Rows, layers: list[Layer]) -> Reaso
     reachable = int(rows[len(layers) - 2]) if len(layers) > 1 else -1
     while at - reachable > 1:
         middle = (at + reachable) // 2
-        if len(_layer(task, family, middle, (), dense=False).joints) > 0:
+        if has_answer(task, family, middle):
             reachable = middle
         else:
             at = middle
     return Reason(at, _unreachable(task, family, at))
+
+
+def has_answer(task: Task, family: Family, row: int) -> bool:
+    """Whether a row is reached at any wrist pose of the dense grid."""
+    return len(_layer(task, family, row, (), dense=True).joints) > 0
 
 
 def _torn(row: int, before: Layer, here: Layer) -> Reason:
@@ -219,11 +234,15 @@ def _torn(row: int, before: Layer, here: Layer) -> Reason:
 def _unreachable(task: Task, family: Family, row: int) -> Problem:
     """What keeps the wrist pose that misses by least from reaching a row."""
     setup = task.setup
-    values = family.low[row] + family.shares(False) * (family.high[row] - family.low[row])
+    values = family.low[row] + family.shares(True) * (family.high[row] - family.low[row])
     found: list[tuple[bool, float, Problem]] = []
     for cranks in family.cranks(np.full(len(values), row), values):
         problem = sphm.why_not(task.target[row], cranks, setup.tool, setup.ranges, setup.mount_yaw)
         if problem is not None and problem.value is not None and problem.limit is not None:
             found.append((problem.joint == "", abs(problem.value - problem.limit), problem))
     closed = Problem("", "theta7", None, None, "the wrist does not close at any allowed pose")
-    return min(found, key=lambda miss: miss[:2])[2] if found else closed
+    if not found:
+        return closed
+    nearest = min(found, key=lambda miss: miss[:2])[2]
+    message = f"{nearest.message}: so at the wrist pose, of all allowed ones, that misses by least"
+    return replace(nearest, message=message)

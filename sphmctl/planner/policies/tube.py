@@ -59,7 +59,7 @@ def inserted(task: Task, family: Family, ridge: Ridge, rows: Rows) -> Ridge | No
     joints = np.stack(
         [np.interp(way_m[rows], way_m[ridge.rows], column) for column in ridge.joints.T], axis=1
     )
-    guess = Ridge(rows, values, joints)
+    guess = Ridge(rows, values, joints, np.isin(rows, ridge.rows[ridge.pinned]))
     tube = _around(task, family, guess, 0.0)
     middle = tube.joints[:, 0]
     if np.isnan(middle).any():
@@ -72,9 +72,7 @@ def _around(task: Task, family: Family, ridge: Ridge, step: float) -> Tube:
     rows, setup = ridge.rows, task.setup
     offsets = np.array(list(product((0.0, -1.0, 1.0), repeat=ridge.values.shape[1]))) * step
     shift = np.broadcast_to(offsets, (len(rows), *offsets.shape)).copy()
-    for layer, given in ((0, task.start), (-1, task.end)):
-        if given is not None:
-            shift[layer] = 0.0
+    shift[ridge.pinned] = 0.0
     values = np.clip(ridge.values[:, None] + shift, family.low[rows, None], family.high[rows, None])
     cranks = family.cranks(rows[:, None], values)
     flange = sphm.flange_target(task.target[rows, None], cranks, setup.tool, setup.mount_yaw)
@@ -84,9 +82,7 @@ def _around(task: Task, family: Family, ridge: Ridge, step: float) -> Tube:
     pick = np.nan_to_num(apart, nan=np.inf).argmin(axis=-1)
     nearest = np.take_along_axis(arm, pick[..., None, None], axis=2)[:, :, 0]
     joints = np.concatenate([nearest, cranks], axis=-1)
-    for layer, given in ((0, task.start), (-1, task.end)):
-        if given is not None:
-            joints[layer] = given
+    joints[ridge.pinned] = ridge.joints[ridge.pinned, None]
     return Tube(joints, values)
 
 
@@ -117,7 +113,9 @@ def _best(task: Task, tube: Tube, ridge: Ridge, way_m: Floats) -> tuple[Ridge, f
         pick.append(int(back[pick[-1]]))
     layers = np.arange(len(pick))
     chosen = np.array(pick[::-1])
-    better = Ridge(ridge.rows, tube.values[layers, chosen], tube.joints[layers, chosen])
+    better = Ridge(
+        ridge.rows, tube.values[layers, chosen], tube.joints[layers, chosen], ridge.pinned
+    )
     return better, float(total.min())
 
 
