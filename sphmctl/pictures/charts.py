@@ -141,14 +141,15 @@ def thin(x: Floats, y: Floats, points: int = POINTS) -> tuple[Floats, Floats]:
     """About `points` of the points: the lowest and highest of each stretch, so that peaks stay."""
     if len(x) <= points:
         return x, y
-    keep: list[int] = [0, len(x) - 1]
-    for stretch in np.array_split(np.arange(len(x)), points // 2):
-        values = y[stretch]
-        if np.isnan(values).all():
-            keep.append(int(stretch[0]))
-        else:
-            keep += [int(stretch[np.nanargmin(values)]), int(stretch[np.nanargmax(values)])]
-    kept = np.unique(keep)
+    width = math.ceil(len(x) / (points // 2))
+    begins = np.arange(0, len(x), width)
+    padded = np.full(len(begins) * width, np.nan)
+    padded[: len(y)] = y
+    stretches = padded.reshape(-1, width)
+    # A stretch without any value keeps its first point, which interrupts the line.
+    lowest = np.where(np.isnan(stretches), np.inf, stretches).argmin(axis=1)
+    highest = np.where(np.isnan(stretches), -np.inf, stretches).argmax(axis=1)
+    kept = np.unique(np.concatenate([[0, len(x) - 1], begins + lowest, begins + highest]))
     return x[kept], y[kept]
 
 

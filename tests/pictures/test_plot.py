@@ -111,3 +111,15 @@ def test_chromium_draws_it_and_has_nothing_to_say(tmp_path: Path) -> None:
     told = browse(tmp_path, page, f"--screenshot={picture}", "--window-size=1120,1700")
     assert console(told.stderr) == []
     assert picture.stat().st_size > 50_000  # an empty page has 5 kB
+
+
+def test_twenty_labels_are_all_told_inside_the_picture() -> None:
+    names = [f"{name} {kind}" for name in JOINT_NAMES for kind in ("speed", "acceleration")]
+    svg = plot(make_plan(), LIMITS, [names[k % len(names)] for k in range(501)])
+    told = [
+        (float(text.get("x", "")), text.text or "")
+        for text in ElementTree.fromstring(svg).iter(f"{SVG}text")
+        if re.fullmatch(r".* \d+%", text.text or "")
+    ]
+    assert len(told) == len(names)
+    assert max(x + 7.0 * len(words) for x, words in told) <= 1100.0
