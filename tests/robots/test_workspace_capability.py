@@ -1,0 +1,72 @@
+"""The capability map against forward and inverse kinematics, and the mirror at +-90 degrees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sphmctl.robots import kr6, rrs, sphm
+from sphmctl.robots.geometry import from_parts, pose_matrix
+from sphmctl.robots.sphm.workspace import Robot
+from sphmctl.robots.sphm.workspace_capability import DOWN, HEADINGS, capability, lean, share
+from sphmctl.robots.sphm.workspace_slices import Grid, grid_for
+from sphmctl.robots.sphm.wrist_grid import heave_range, steepest_tilt
+
+FACE = Robot(tool=pose_matrix([0.0, 0.0, 0.0075], [0.0, 0.0, 0.0]))
+COARSE = grid_for(1.08, 0.150)
+
+
+def test_the_arms_map_is_where_its_closed_form_inverse_has_answers() -> None:
+    reached = capability(FACE, "a1_0", COARSE).arm
+    heading = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS
+    x, z, heading = np.meshgrid(COARSE.horizontal_m, COARSE.z_m, heading, indexing="ij")
+    c, s, zero, one = np.cos(heading), np.sin(heading), np.zeros_like(x), np.ones_like(x)
+    columns = [np.stack(v, -1) for v in ((s, zero, -c), (zero, one, zero), (c, zero, s))]
+    flange = from_parts(np.stack(columns, axis=-1), np.stack([x, zero, z], axis=-1))
+    q = kr6.inverse_in_range(flange)
+    expected = (np.abs(q[..., 0]) < 1e-9).any(axis=-1)
+    # Where the wrist centre is on axis 1, the inverse leaves A1 open and takes 0.
+    assert (reached != expected).mean() < 1e-3
+    assert 0.1 < reached.mean() < 0.9
+
+
+@pytest.mark.parametrize("direction", [0.0, np.pi])
+@pytest.mark.parametrize("a6", [0.0, np.pi])
+@pytest.mark.parametrize("mount_yaw", [0.0, 0.4])
+def test_what_forward_kinematics_points_at_is_on_the_hybrids_map(
+    direction: float, a6: float, mount_yaw: float
+) -> None:
+    ranges = sphm.RANGES9.copy()
+    ranges[4] = np.radians([-2.0, 2.0])  # so that only the wrist's tilt can make the difference
+    robot = Robot(ranges, FACE.tool, mount_yaw)
+    tilt = float(steepest_tilt(direction))
+    cranks = rrs.inverse(direction, tilt, heave_range(direction, tilt)[0])
+    q = np.concatenate([np.radians([0.0, -60.0, 70.0, 0.0, 1.0]), [a6 + mount_yaw], cranks])
+    # A2 turned so that the platform's normal has one of the map's headings.
+    normal = sphm.forward(q, FACE.tool, mount_yaw)[:3, 2]
+    step = 2.0 * np.pi / HEADINGS
+    number = round(np.arctan2(normal[2], normal[0]) / step)
+    q[1] += np.arctan2(normal[2], normal[0]) - number * step
+    T = sphm.forward(q, FACE.tool, mount_yaw)
+    np.testing.assert_allclose([T[1, 3], T[1, 2]], 0.0, atol=1e-9)
+    here = Grid(np.array([T[0, 3]]), np.array([T[2, 3]]), 0.05)
+    found = capability(robot, "a1_0", here).hybrid[0, 0]
+    assert found[number % HEADINGS]
+    assert found.sum() < HEADINGS / 4
+
+
+def test_at_90_degrees_the_map_is_its_own_mirror_image() -> None:
+    found = capability(FACE, "a1_90", COARSE)
+    mirrored = (HEADINGS // 2 - np.arange(HEADINGS)) % HEADINGS
+    for reached in (found.arm, found.hybrid):
+        assert np.array_equal(reached, reached[::-1][:, :, mirrored])
+    assert found.hybrid.sum() > capability(FACE, "a1_0", COARSE).hybrid.sum()
+
+
+def test_share_and_lean_of_headings_counted_by_hand() -> None:
+    reached = np.zeros((4, HEADINGS), dtype=bool)
+    reached[1, DOWN - 2 : DOWN + 5] = True  # 15 degrees one way, 30 the other
+    reached[2, [DOWN - 1, DOWN + 1]] = True  # not straight down itself
+    reached[3] = True
+    np.testing.assert_allclose(share(reached), [0.0, 7 / 48, 2 / 48, 1.0])
+    np.testing.assert_allclose(np.degrees(lean(reached)), [np.nan, 15.0, np.nan, 180.0])
