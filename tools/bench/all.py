@@ -15,6 +15,7 @@ from tools.bench import (
     bench_runs,
     bench_servo,
     bench_timing,
+    bench_workspace,
 )
 from tools.bench.harness import Row, markdown
 
@@ -68,6 +69,7 @@ def main() -> None:
         *bench_kvp.measure(QUICK_ROUNDS if quick else bench_kvp.ROUNDS),
         *bench_servo.measure(QUICK_ROUNDS if quick else bench_servo.ROUNDS),
         *kinematics_rows(quick),
+        *bench_workspace.measure(),
         *bench_timing.measure(bench_timing.QUICK_REPEATS if quick else bench_timing.REPEATS),
         *bench_help.measure(QUICK_CALLS if quick else bench_help.CALLS),
         *bench_runs.measure(real_time=not quick),
