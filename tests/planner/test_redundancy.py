@@ -261,7 +261,6 @@ def test_a_range_is_told_with_its_joint_row_and_furthest_value() -> None:
 def test_a_line_past_axis_1_is_refused_for_a_range_or_a_branch_change() -> None:
     target, s_m = line((0, -400, 900, 180, 0, 0), (0, 400, 900, 180, 0, 0), 801)
     start = np.radians([90.0, -100.0, 60.0, 0.0, 30.0, 0.0, 60.0, 60.0, 60.0])
-    answers = sphm.inverse(target[0], PEN, MIDDLE, start, mount_yaw=SETUP.mount_yaw).joints
     wide = replace(SETUP, ranges=np.array([[-20.0, 20.0]] * 6 + [[0.0, 2.1]] * 3))
     plain = replace(wide, tool=np.eye(4), mount_yaw=0.0)
     answers = sphm.inverse(target[0], None, MIDDLE, start).joints
