@@ -25,6 +25,9 @@ STEP_M = 1e-6
 BEND_SHARE = 0.5
 """Of a neighbour's radius that a corner may take: it stays a corner, and does not loop."""
 
+ROUNDING_M = 1e-12
+"""By which a corner may seem to reach further than its blend."""
+
 TRIES = 10
 """Halvings of a corner that reaches too far."""
 
@@ -90,7 +93,7 @@ def corner(before: Part, behind: Part, one: Track | None, other: Track | None) -
             cut /= 2.0
             continue
         points = way.at(np.linspace(0.0, way.length_m, LOOKS))[0]
-        if np.linalg.norm(points - p, axis=1).max() <= blend_m:
+        if np.linalg.norm(points - p, axis=1).max() <= blend_m + ROUNDING_M:
             break
         cut /= 2.0
     else:

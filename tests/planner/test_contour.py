@@ -137,7 +137,7 @@ def test_blended_corners_stay_within_the_blend(
     assert len(corners) == len(rows) - 1
     for span, at in zip(corners, ends, strict=False):
         p = span.shape.pose(np.linspace(0.0, span.length_m, 200))[:, :3, 3]
-        assert np.linalg.norm(p - np.array(at) / 1000.0, axis=1).max() <= blend_mm / 1000.0 + 1e-12
+        assert np.linalg.norm(p - np.array(at) / 1000.0, axis=1).max() <= blend_mm / 1000.0 + 2e-12
     halves = [sum(c.length_m for c in sharp) / 2.0]
     assert contour.length_m >= halves[0]
     sharpest = max(
@@ -399,3 +399,31 @@ def test_a_long_polyline_takes_little_time_and_linearly(tmp_path: FilePath) -> N
     small = min(cost_s(5_000) for _ in range(2))
     assert small < 1.0  # 0.15 s on a machine of its own
     assert cost_s(50_000) < 20.0 * small
+
+
+def test_a_corner_begins_at_the_blend_and_takes_bend_and_turning_rate_over(
+    tmp_path: FilePath,
+) -> None:
+    text = lin("560, 0, 100, 180, 0, 180", "blend_mm: 10")
+    text += "  - arc: {via: [590, 30, 100], to: [560, 60, 100, 180, 10, 180]}\n"
+    (contour,) = of(tmp_path, text)
+    line, corner, arc = contour.spans
+    assert line.length_m == pytest.approx(0.05)
+    assert arc.length_m == pytest.approx(np.pi * 0.03 - 0.01)
+    bend = corner.shape.way.at(np.array([0.0, corner.length_m]))[2]
+    assert np.linalg.norm(bend, axis=1) == pytest.approx([0.0, 1.0 / 0.03], abs=1e-9)
+    h = 1e-5
+    s = np.array([contour.edges_m[2] - h, contour.edges_m[2], contour.edges_m[2] + h])
+    turned = angle_between(*contour.pose(s)[[[0, 1], [1, 2]], :3, :3].swapaxes(0, 1))
+    assert turned / h == pytest.approx(np.radians(10.0) / (np.pi * 0.03), rel=0.02)
+
+
+def test_a_sampled_curve_is_rounded_within_50_um(tmp_path: FilePath) -> None:
+    turned = np.radians(15.0) * np.arange(1, 13)
+    rows = [500 + 80 * np.sin(turned), 80 - 80 * np.cos(turned), 100 + 0 * turned]
+    text = "".join(f"{x:.6f},{y:.6f},{z}\n" for x, y, z in np.stack(rows, axis=1))
+    (tmp_path / "rows.csv").write_text("x_mm,y_mm,z_mm\n" + text)
+    (contour,) = of(tmp_path, "  - polyline: {csv: rows.csv}\n")
+    p = contour.pose(np.linspace(0.0, contour.length_m, 20_000))[:, :3, 3]
+    near = np.linalg.norm(p[:, None] - np.stack(rows, axis=1) / 1000.0, axis=2).min(axis=0)
+    assert 4e-5 < near[:-1].max() < 5.1e-5
