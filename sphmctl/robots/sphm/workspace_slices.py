@@ -30,11 +30,12 @@ from sphmctl.robots.sphm.workspace_robot import Bools, Plane, Robot
 DISTANCES = 1200
 """Rows of the table: 0.9 mm apart."""
 
-ELBOWS = 700
-"""Angles of A3 tried for each distance: 0.4 degrees apart, which errs by 0.03 % in the area."""
+ELBOWS = 600
+"""Angles of A3 tried for each distance: 0.5 degrees apart, which errs by 0.04 % in the area."""
 
-LENGTHS = 5
-"""Lengths of the hand tried: the outline comes from the longest, holes from the shortest."""
+LENGTHS = 9
+"""Lengths of the hand tried: the outline comes from the longest, holes from the shortest;
+those between count where the arm can hardly move."""
 
 CRANKS = 17
 """Angles of each crank in the table of what the hand can be: 7.5 degrees apart."""
