@@ -106,6 +106,14 @@ def test_the_joints_of_an_extent_are_in_range_free_and_get_there() -> None:
     np.testing.assert_allclose(ends[3], 0.400 + straight_m, atol=1e-8)
 
 
+def test_extents_keep_to_the_plane_where_a4_has_no_0_and_a1_no_0() -> None:
+    ranges = narrowed(3, 100.0, 185.0)
+    ranges[0] = np.radians([10.0, 170.0])
+    found, whole = extents.of_hybrid(Robot(ranges, FACE.tool)), extents.of_hybrid(FACE)
+    np.testing.assert_allclose(found.horizontal_m, whole.horizontal_m, atol=1e-7)
+    assert np.abs(sphm.forward(found.joints, FACE.tool)[:, 1, 3]).max() < 1e-9
+
+
 def arm_reaches(robot: Robot, point: Floats) -> bool:
     """Whether the closed-form inverse brings the flange there with axis 1 at 0, whichever way."""
     heading = np.radians(np.arange(0.0, 360.0))

@@ -76,39 +76,29 @@ def _search(
     robot: Robot, moved: tuple[int, ...], place: Callable[[Floats], Floats], which: int
 ) -> Extents:
     """The extents of `place`; `which` of the collisions count: the arm's, or all."""
-    low, high = robot.ranges.T
-    rng = np.random.default_rng(SEED)
-    columns = list(moved)
-    middle = np.clip(np.zeros(9), low, high)
-    joints = np.tile(middle, (DRAWN, 1))
-    joints[:, columns] = rng.uniform(low[columns], high[columns], (DRAWN, len(columns)))
-    joints = joints[~robot.collisions(joints)[which]]
-    if not len(joints):
-        raise InfeasibleError(f"the robot collides in each of {DRAWN} poses tried")
-    best = np.argsort(place(joints) @ DIRECTIONS.T, axis=0)[-STARTS:].T
-    count = best.shape[1]
-    q = joints[best.ravel()]
+    q = _starts(robot, moved, place, which)
+    count = len(q) // len(DIRECTIONS)
     towards = np.repeat(DIRECTIONS, count, axis=0)
     value = np.einsum("ij,ij->i", place(q), towards)
+    low, high = robot.ranges.T
+    ways = np.repeat(np.eye(9)[list(moved)], 2, axis=0) * (high - low)
+    ways[1::2] *= -1.0
+    fixed = np.setdiff1d(np.arange(9), moved)
     step = np.full(len(q), FIRST_STEP)
-    ways = np.zeros((2 * len(columns), 9))
-    for i, column in enumerate(columns):
-        ways[2 * i : 2 * i + 2, column] = [1.0, -1.0]
-    ways *= high - low
     for _ in range(MOST_ROUNDS):
         live = np.flatnonzero(step > LAST_STEP)
         if not len(live):
             break
         tried = np.clip(q[live, None] + step[live, None, None] * ways, low, high)
+        tried[:, :, fixed] = q[live, None][:, :, fixed]
         flat = tried.reshape(-1, 9)
         reached = np.einsum("ij,ij->i", place(flat), np.repeat(towards[live], len(ways), axis=0))
         better = np.flatnonzero(reached > np.repeat(value[live], len(ways)))
         good = better[~robot.collisions(flat[better])[which]]
         score = np.full(len(flat), -np.inf)
         score[good] = reached[good]
-        score = score.reshape(len(live), -1)
-        pick = score.argmax(axis=1)
-        gained = score[np.arange(len(live)), pick]
+        table = score.reshape(len(live), -1)
+        pick, gained = table.argmax(axis=1), table.max(axis=1)
         won = gained > value[live]
         q[live[won]] = tried[won, pick[won]]
         value[live[won]] = gained[won]
@@ -117,3 +107,20 @@ def _search(
     left, right, down, up = furthest.max(axis=1).tolist()
     chosen = q.reshape(4, count, 9)[np.arange(4), furthest.argmax(axis=1)]
     return Extents((-left, right), (-down, up), chosen)
+
+
+def _starts(
+    robot: Robot, moved: tuple[int, ...], place: Callable[[Floats], Floats], which: int
+) -> Floats:
+    """Joints (4 x starts, 9) to begin at: the best of random ones for each direction in turn."""
+    columns = list(moved)
+    low, high = robot.ranges.T
+    joints = np.tile(np.clip(np.zeros(9), low, high), (DRAWN, 1))
+    joints[:, 0], joints[:, 3] = 0.0, robot.a4_in_plane()
+    rng = np.random.default_rng(SEED)
+    joints[:, columns] = rng.uniform(low[columns], high[columns], (DRAWN, len(columns)))
+    joints = joints[~robot.collisions(joints)[which]]
+    if not len(joints):
+        raise InfeasibleError(f"the robot collides in each of {DRAWN} poses tried")
+    best = np.argsort(place(joints) @ DIRECTIONS.T, axis=0)[-STARTS:]
+    return np.asarray(joints[best.T.ravel()])

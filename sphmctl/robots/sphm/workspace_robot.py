@@ -65,7 +65,8 @@ class Robot:
             gaps = np.hstack([gaps, more])
             names += obstacle_pairs(self.obstacles)
         arm = [not ON_WRIST & set(pair) for pair in names]
-        return (gaps[:, arm] < 0.0).any(axis=1), (gaps < 0.0).any(axis=1)
+        hit = gaps < 0.0
+        return np.asarray(hit[:, arm].any(axis=1)), np.asarray(hit.any(axis=1))
 
     def check(self, plane: Plane) -> None:
         """Raises InfeasibleError where the ranges leave out the plane."""
@@ -82,6 +83,13 @@ class Robot:
                 f"the tool stays in the arm's plane with A4 at 0 or 180 degrees, and its range is "
                 f"{low:g} to {high:g}"
             )
+
+    def a4_in_plane(self) -> float:
+        """A4 that keeps the hand in the arm's plane: 0, or a half turn where the range lacks 0."""
+        low, high = self.ranges[3].tolist()
+        if low <= 0.0 <= high:
+            return 0.0
+        return float(np.pi if high > 0.0 else -np.pi)
 
     def swings(self) -> list[tuple[float, float]]:
         """How far the hand may lean from the forearm in the arm's plane, upwards, rad, by A4.

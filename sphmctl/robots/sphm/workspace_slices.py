@@ -107,8 +107,10 @@ def hand_of(robot: Robot) -> Hand:
 
 def slice_of(robot: Robot, hand: Hand) -> Slice:
     """The cut by the plane in which axis 1 holds the arm."""
-    elbow = np.append(np.linspace(*robot.ranges[2], ELBOWS), FOREARM_ANGLE_RAD)
-    elbow = elbow[(elbow >= robot.ranges[2, 0]) & (elbow <= robot.ranges[2, 1])]
+    low3, high3 = robot.ranges[2].tolist()
+    elbow = np.linspace(low3, high3, ELBOWS)
+    if low3 <= FOREARM_ANGLE_RAD <= high3:
+        elbow = np.append(elbow, FOREARM_ANGLE_RAD)  # stretched: as far out as it gets
     bend = elbow - FOREARM_ANGLE_RAD
     x, z = UPPER_ARM_M + FOREARM_LENGTH_M * np.cos(bend), -FOREARM_LENGTH_M * np.sin(bend)
     wrist, angle = np.hypot(x, z), np.arctan2(z, x)  # of the wrist centre, with A2 at 0
@@ -138,7 +140,7 @@ def slice_of(robot: Robot, hand: Hand) -> Slice:
 def grid_for(reach_m: float, cell_m: float = CELL_M) -> Grid:
     """A grid over everything within a reach of axis 2, mirrored or not."""
     half = int(np.ceil((reach_m + AXIS2_FORWARD_M) / cell_m)) + 1
-    horizontal = (np.arange(-half, half) + 0.5) * cell_m
+    horizontal: Floats = np.asarray((np.arange(-half, half) + 0.5) * cell_m, dtype=np.float64)
     return Grid(horizontal, AXIS2_HEIGHT_M + horizontal, cell_m)
 
 
