@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sphmctl.emulators.flange import status_and_turn
-from sphmctl.emulators.interpreter import texts
+from sphmctl.emulators.interpreter import buffers, texts
 from sphmctl.emulators.interpreter.code import Fn
 from sphmctl.emulators.interpreter.expressions import Typed
 from sphmctl.emulators.interpreter.faults import OUT_OF_RANGE, RAISED, KrlFaultError, invalid
@@ -69,12 +69,16 @@ def _inverted(frame: Any) -> Any:
     return made
 
 
+def _size_of(x: int | float) -> int | float:
+    return whole(abs(x)) if isinstance(x, int) else abs(x)
+
+
 def _of_degrees(function: Callable[[float], float]) -> Pure:
     return Pure(lambda x: real(function(math.radians(x))), Real())
 
 
 PURE = {
-    "ABS": Pure(abs, None),
+    "ABS": Pure(_size_of, None),
     "SIN": _of_degrees(math.sin),
     "COS": _of_degrees(math.cos),
     "TAN": _of_degrees(math.tan),
@@ -106,6 +110,8 @@ def compiled(builder: Builder, node: n.Call) -> Typed:
         return _special(builder, node)
     if node.name in texts.TEXTS:
         return texts.compiled(builder, node)
+    if node.name in buffers.BUFFERS:
+        return buffers.compiled(builder, node)
     if node.name in SPLINES:
         return _spline(builder, node)
     pure = PURE.get(node.name)

@@ -140,6 +140,11 @@ class Interpreters:
         return self._robot.place
 
     @property
+    def frame_changes(self) -> int:
+        """How often $TOOL or $BASE changed while a motion was planned."""
+        return self._robot.frame_changes
+
+    @property
     def submit_state(self) -> str:
         """$PRO_STATE0."""
         return self._submit.state
