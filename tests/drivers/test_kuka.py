@@ -163,3 +163,24 @@ def test_host_times_of_states_are_within_a_few_milliseconds_of_the_truth() -> No
         assert 0.0 < rig.loop.time() - state.at_s < 0.02
 
     _with_arm(test)
+
+
+def test_a_slow_reply_is_not_taken_for_a_state_that_stands_still() -> None:
+    delays_s = itertools.chain((0.4,), itertools.repeat(0.002))
+
+    def answer(far: FarEnd, request: bytes) -> None:
+        ping = kvp_name(request) == "PING"
+        far.send(kvp_reply(request, "PONG" if ping else STATE), 0.002 if ping else next(delays_s))
+
+    async def main() -> None:
+        arm = KukaArm(KvpClient(FarEnd(answer).open, "controller"), "controller")
+        await arm.connect()
+        await arm.read_state()
+        # The server was slow, and both replies show the cycle in which it woke up.
+        await arm.read_state()
+        await asyncio.sleep(0.13)
+        with pytest.raises(DeviceError, match="has stood still for 13"):
+            await arm.read_state()
+        await arm.close()
+
+    clock.run(main(), virtual=True)

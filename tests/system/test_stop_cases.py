@@ -43,6 +43,11 @@ WATCHED_S = 2.0
 SOON_S = 0.4
 """When a hasty operator has removed the cause, while the run is still ending."""
 
+IN_MOTION_S = 12.0
+"""After the begin of `run` on the emulated cell: it is on the octagon."""
+
+EXIT_FAULT = 6
+
 BCO_DEG = 1e-4
 """A program that is selected anew drives to where the arm stands, which is a REAL of 24 bits."""
 
@@ -85,9 +90,9 @@ EACH_INSTANT = pytest.mark.parametrize("instant", INSTANTS, ids=str)
 def plan_from(corner: str) -> Plan:
     """The octagon's plan from one of its corners on."""
     file = yaml.safe_load(OCTAGON.read_text())
-    corners = "ABCDEFGHA"
-    first, *others = corners[corners.index(corner) :]
-    file["moves"] = [{"ptp": first}, *({"lin": other} for other in others)]
+    ring = "ABCDEFGHA"
+    others = ring[ring.index(corner) + 1 :]
+    file["moves"] = [{"ptp": corner}, *({"lin": other} for other in others)]
     return plan_of(yaml.safe_dump(file))
 
 
@@ -157,59 +162,75 @@ def give_tcp(rig: Rig) -> None:
     rig.kvp.refused = rig.kvp.deaf = False
 
 
-def key(state: str) -> Act:
+Hand = Callable[[EmulatedCell], object]
+
+HANDS: dict[Act, Hand] = {}
+"""What is done at the cell itself, by what does it to a rig."""
+
+
+def by(hand: Hand) -> Act:
+    """What is done at the cell itself, as an act on a rig."""
+
+    def act(rig: Rig) -> None:
+        hand(rig.emulated)
+
+    HANDS[act] = hand
+    return act
+
+
+def key(state: str) -> Hand:
     """The key that leads to a program state."""
 
-    def press(rig: Rig) -> None:
-        rig.emulated.world.advance()
-        rig.emulated.controller.panel.program_state = state
+    def press(cell: EmulatedCell) -> None:
+        cell.world.advance()
+        cell.controller.panel.program_state = state
 
     return press
 
 
-def deselect(rig: Rig) -> None:
+def deselect(cell: EmulatedCell) -> None:
     """Stop, and deselect."""
-    key("P_STOP")(rig)
-    key("P_FREE")(rig)
+    key("P_STOP")(cell)
+    key("P_FREE")(cell)
 
 
-def select(rig: Rig) -> None:
+def select(cell: EmulatedCell) -> None:
     """Select the program again and start it."""
-    rig.emulated.world.advance()
-    rig.emulated.controller.krc.select("SPH_RUN")
-    release(rig)
+    cell.world.advance()
+    cell.controller.krc.select("SPH_RUN")
+    release(cell)
 
 
-def switch_drives_off(rig: Rig) -> None:
+def switch_drives_off(cell: EmulatedCell) -> None:
     """The drives, and only they."""
-    rig.emulated.world.advance()
-    rig.emulated.controller.panel.drives = False
+    cell.world.advance()
+    cell.controller.panel.drives = False
 
 
-def emergency_stop(rig: Rig) -> None:
+def emergency_stop(cell: EmulatedCell) -> None:
     """The button on the pendant."""
-    rig.emulated.controller.emergency_stop()
+    cell.controller.emergency_stop()
 
 
-def release(rig: Rig) -> None:
+def release(cell: EmulatedCell) -> None:
     """Release, acknowledge, drives on, start."""
-    rig.emulated.controller.release()
+    cell.controller.release()
 
 
-def pull_wrist_ok(rig: Rig) -> None:
+def pull_wrist_ok(cell: EmulatedCell) -> None:
     """The wire breaks."""
-    assert rig.emulated.wiring is not None
-    rig.emulated.wiring.cut_wrist_ok()
+    assert cell.wiring is not None
+    cell.wiring.cut_wrist_ok()
 
 
-def give_wrist_ok(rig: Rig) -> None:
+def give_wrist_ok(cell: EmulatedCell) -> None:
     """The wire is bridged for a second; then it is whole again, which is off as the board is."""
-    wiring, lines = rig.emulated.wiring, rig.emulated.controller.lines
+    wiring, lines = cell.wiring, cell.controller.lines
     assert wiring is not None
     assert lines is not None
-    rig.emulated.world.advance()
+    cell.world.advance()
     wiring.cut, lines.wrist_ok = False, True
-    rig.loop.call_later(1.0, setattr, lines, "wrist_ok", False)
+    asyncio.get_running_loop().call_later(1.0, setattr, lines, "wrist_ok", False)
 
 
 CLOSED = "controller: the connection was closed by the other side"
@@ -232,38 +253,38 @@ CASES = {
         pull_cable, give_tcp, DEAF, LOOK, "controller: no answer to a request", STAND_S + LATE_S
     ),
     "program deselected": Case(
-        deselect,
-        select,
+        by(deselect),
+        by(select),
         "the controller stopped the program",
         f"select SPH_RUN on the controller, then {START}, then run again",
         f"controller: program: none selected; select SPH_RUN on the controller, then {START}",
     ),
     "stop key": Case(
-        key("P_STOP"),
-        release,
+        by(key("P_STOP")),
+        by(release),
         "the arm has made no progress for 3 s",
         f"{START}, then run again",
         f"controller: program state: #P_STOP; {START}",
         hasty=False,
     ),
     "drives off": Case(
-        switch_drives_off,
-        release,
+        by(switch_drives_off),
+        by(release),
         "the controller's drives are off",
         f"switch the drives on, then {START}, then run again",
         f"controller: drives: off; switch the drives on, then {START}",
     ),
     "wrist ok pulled": Case(
-        pull_wrist_ok,
-        give_wrist_ok,
+        by(pull_wrist_ok),
+        by(give_wrist_ok),
         NO_WRIST,
         f"{SEE_TO}, then run again",
         NO_WRIST,
         board="simulated",
     ),
     "emergency stop": Case(
-        emergency_stop,
-        release,
+        by(emergency_stop),
+        by(release),
         "the controller reports an emergency stop or an open gate",
         f"{RELEASE}, then run again",
         f"controller: safety chain: open; {RELEASE}",
@@ -405,7 +426,7 @@ def test_the_arm_stands_in_time_and_never_drives_an_old_target(
     table.append(line(name, instant, stopped.rows, stopped.stands_s))
     assert 0.0 < stopped.stands_s <= case.limit_s
     assert stopped.rows[-1, 0] - stopped.mended_s > 0.99 * WATCHED_S
-    assert stopped.moved_late_deg <= (BCO_DEG if case.mend is select else STILL_DEG)
+    assert stopped.moved_late_deg <= (BCO_DEG if name == "program deselected" else STILL_DEG)
     cause, remedy = stopped.told
     assert re.fullmatch(case.cause, cause)
     if not (instant.soon and case.hasty):
@@ -450,3 +471,116 @@ def test_override_0_holds_the_arm_in_time_and_back_it_goes_on_along_the_path(
     plan = plan_from(instant.side[0])
     assert off_path_deg(rows, plan) <= ON_PATH_DEG
     assert np.abs(rows[-1, 1:] - np.degrees(plan.joints[-1, :6])).max() <= BCO_DEG
+
+
+def test_the_stop_key_holds_a_living_run_and_start_goes_on_along_the_path() -> None:
+    instant = INSTANTS[3]
+
+    async def main() -> tuple[str, Floats]:
+        rig = on_the_side(instant)
+        try:
+            task = asyncio.create_task(rig.play(plan_from(instant.side[0])))
+            await rig.until_tau(instant.tau_s)
+            event_s = rig.loop.time()
+            key("P_STOP")(rig.emulated)
+            await asyncio.sleep(2.0)
+            key("P_ACTIVE")(rig.emulated)
+            return (await task).outcome, true_rows(rig, event_s)
+        finally:
+            await rig.close()
+
+    outcome, rows = clock.run(main(), virtual=True)
+    assert outcome == "completed"
+    assert stands_s(rows[rows[:, 0] < 2.0]) <= STAND_S
+    assert off_path_deg(rows, plan_from(instant.side[0])) <= ON_PATH_DEG
+
+
+@pytest.mark.parametrize("started_s", [0.5, 3.0])
+@pytest.mark.parametrize("hand", [emergency_stop, switch_drives_off, key("P_STOP")])
+def test_a_start_after_the_run_was_killed_in_a_stop_moves_nothing(
+    hand: Hand, started_s: float
+) -> None:
+    instant = INSTANTS[0]
+
+    async def main() -> Floats:
+        rig = on_the_side(instant)
+        try:
+            task = asyncio.create_task(rig.play(plan_from(instant.side[0])))
+            await rig.until_tau(instant.tau_s)
+            event_s = rig.loop.time()
+            hand(rig.emulated)
+            kill(rig)
+            task.cancel()
+            await asyncio.sleep(started_s)
+            release(rig.emulated)
+            await asyncio.sleep(WATCHED_S + 1.0)
+            rows = true_rows(rig, event_s)
+            fresh_links(rig)
+            assert await next_run(rig, plan_from(instant.side[0])) == ""
+            return rows
+        finally:
+            await rig.close()
+
+    assert stands_s(clock.run(main(), virtual=True)) <= STAND_S
+
+
+STILL_BRAKING = "controller: arm: moving; wait until no other program moves it"
+
+
+@pytest.mark.parametrize(
+    ("after_s", "told"),
+    [(0.01, STILL_BRAKING), (0.1, STILL_BRAKING)] + [(t, "") for t in (0.2, 0.5, 0.9, 1.1, 2.0)],
+)
+def test_the_next_run_after_a_kill_can_begin_once_the_arm_stands(after_s: float, told: str) -> None:
+    instant = INSTANTS[2]
+
+    async def main() -> str:
+        rig = on_the_side(instant)
+        try:
+            task = asyncio.create_task(rig.play(plan_from(instant.side[0])))
+            await rig.until_tau(instant.tau_s)
+            kill(rig)
+            task.cancel()
+            await asyncio.sleep(after_s)
+            fresh_links(rig)
+            return await next_run(rig, plan_from(instant.side[0]))
+        finally:
+            await rig.close()
+
+    assert clock.run(main(), virtual=True) == told
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.act in HANDS])
+def test_run_says_what_happened_and_how_to_go_on(
+    name: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case = CASES[name]
+    make = emulation.open_devices
+
+    async def with_the_event(cell: Any, **options: Any) -> emulation.Devices:
+        devices = await make(cell, **options)
+        assert devices.emulated is not None
+        asyncio.get_running_loop().call_later(IN_MOTION_S, HANDS[case.act], devices.emulated)
+        return devices
+
+    monkeypatch.setattr(emulation, "open_devices", with_the_event)
+    code = main.run(
+        ["run", str(OCTAGON), "--dry-run", "--virtual", "--json", "--board", case.board]
+        + ["--runs-dir", str(tmp_path)]
+    )
+    told = capsys.readouterr()
+    summary = json.loads(told.out)
+    assert (code, summary["outcome"], summary["unconfirmed"]) == (EXIT_FAULT, "faulted", [])
+    assert re.fullmatch(case.cause, summary["cause"])
+    assert summary["remedy"] == case.remedy
+    lines = told.err.splitlines()
+    assert lines[-3:] == [
+        f"fault: {summary['cause']}",
+        "both devices stand",
+        f"to go on: {summary['remedy']}",
+    ]
+    true = np.loadtxt(Path(summary["run_dir"]) / "truth.csv", delimiter=",", skiprows=1)
+    assert np.abs(true[-1, 1:7] - true[-2, 1:7]).max() <= STILL_DEG
