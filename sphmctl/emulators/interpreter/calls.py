@@ -17,7 +17,7 @@ from sphmctl.emulators.krl.build import fail
 from sphmctl.emulators.krl.functions import FUNCTIONS
 from sphmctl.emulators.krl.statements import root
 from sphmctl.emulators.krl.walking import inside as all_inside
-from sphmctl.emulators.krl_text import Bool, Int, Real
+from sphmctl.emulators.krl_text import Array, Bool, Int, Real
 
 if TYPE_CHECKING:
     from sphmctl.emulators.interpreter.compiler import Builder
@@ -183,6 +183,9 @@ def _frame(box: Fn, fn: Fn) -> Instruction:
 def _check_writable(node: n.Assign, target: Target) -> None:
     if not target.writable:
         raise fail(node.at, "const", f"{target.name} can only be read")
+    if isinstance(target.kind, Array):
+        message = f"{target.name} is an array; its elements are assigned one by one"
+        raise fail(node.at, "array", message)
 
 
 def _cyclic(builder: Builder, target: n.Index, value: n.Expression) -> Instruction:
