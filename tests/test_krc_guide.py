@@ -24,7 +24,7 @@ from sphmctl.drivers import krc_program
 from sphmctl.emulators import interpreter
 from sphmctl.emulators.controller import Controller, Options
 from sphmctl.emulators.interpreter.options import Options as InterpreterOptions
-from sphmctl.emulators.krl.parse import read
+from sphmctl.emulators.krl.parse import parse, read
 from sphmctl.emulators.krl.project import check_files
 from sphmctl.emulators.kvp_server import KvpServer
 from sphmctl.emulators.motion import Options as MotionOptions
@@ -76,14 +76,10 @@ OPEN = {
 }
 """What KUKA's public documents leave open, or sources contradict, and the row that settles it."""
 
-BOUNDS = {
-    "robot_statements",
-    "submit_statements",
-    "trigger_statements",
-    "call_depth",
-    "interrupts_declared",
-    "interrupts_on",
-}
+BOUNDS = set(
+    "robot_statements submit_statements trigger_statements call_depth interrupts_declared "
+    "interrupts_on".split()
+)
 """Options of the interpreters that keep the emulator in hand, or that KUKA's manual gives."""
 
 
@@ -127,9 +123,6 @@ def said(
         return capsys.readouterr().out
 
     return run
-
-
-# The guide
 
 
 @pytest.mark.parametrize("text", [README, SHEET], ids=["guide", "sheet"])
@@ -211,8 +204,6 @@ def test_the_example_of_the_lines_is_exported_as_it_stands(tmp_path: Path, said:
     (tmp_path / "cell.yaml").write_text(yaml.safe_dump(cell))
     told = said("krl", "export", "stick", "--cell", "cell.yaml")
     assert "wrist ok $IN[17], knot $OUT[17], arm moving $OUT[18]" in told
-    for part in ("version", "checksum", "sph_run.dat"):
-        assert part in told
 
 
 def findings(module: Any) -> Iterator[str]:
@@ -227,7 +218,6 @@ def findings(module: Any) -> Iterator[str]:
 def test_the_table_of_doctors_lines_is_complete_and_has_no_other() -> None:
     told = [row[0] for row in rows(section(README, "Ask `doctor`"))[1:]]
     arms = set(findings(examine_arm))
-    assert len(arms) > 10
     assert set(told) == arms | {"controller connected", "controller's replies"}
     assert "controller's replies" in set(findings(doctor))
 
@@ -237,9 +227,6 @@ def test_doctor_says_no_line_of_the_controller_that_the_table_lacks(said: Any) -
     begin, end = names.index("controller connected"), names.index("wrist connected")
     told = [row[0] for row in rows(section(README, "Ask `doctor`"))[1:]]
     assert [name for name in told if name in names] == names[begin:end]
-
-
-# The sheet
 
 
 @pytest.mark.parametrize("words", OPEN)
@@ -275,6 +262,7 @@ def test_the_programs_of_the_session_check_clean() -> None:
 
 
 def files_of(name: str) -> tuple[Path, ...]:
+    """Data list and program."""
     return tuple(sorted(T1.glob(f"{name.lower()}.*")))
 
 
@@ -390,6 +378,14 @@ def ended(rig: Rig, name: str) -> Rig:
     rig.until(lambda: rig.krc.state != "P_ACTIVE", LIMIT_S)
     assert rig.krc.state == "P_END", rig.krc.messages
     return rig
+
+
+@pytest.mark.parametrize("kind", [1, 2])
+def test_planned_blocks_that_are_not_forgotten_show(kind: int) -> None:
+    source, data = sorted(files_of(MOVES), reverse=True)
+    kept = source.read_text().replace("\nRESUME\n", "\n")
+    rig = Rig(parse(kept, source.name), read(data), motion=MOTION, mode="T1")
+    assert float(ended(rig, MOVES).text(f"T1_AFTER[{kind}]") or "nan") > 5.0
 
 
 def test_the_line_that_looks_at_the_submit_interpreter_says_its_cycle() -> None:
