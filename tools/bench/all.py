@@ -1,6 +1,6 @@
 """Runs every benchmark, one after the other, and prints one table for the README.
 
-Run `python tools/bench/all.py`, about three minutes, on a machine that does nothing else;
+Run `python tools/bench/all.py`, about six minutes, on a machine that does nothing else;
 `--quick` takes fewer repeats and leaves out the runs in real time. Not a test.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-from tools.bench import bench_help, bench_kinematics, bench_kvp, bench_runs, bench_servo
+from tools.bench import bench_help, bench_kinematics, bench_kvp, bench_runs, bench_servo, published
 from tools.bench.harness import Row, markdown
 
 POSES, QUICK_POSES = 200_000, 20_000
@@ -63,6 +63,7 @@ def main() -> None:
         *kinematics_rows(quick),
         *bench_help.measure(QUICK_CALLS if quick else bench_help.CALLS),
         *bench_runs.measure(real_time=not quick),
+        *published.measure(1 if quick else published.SEEDS),
     ]
     print()
     print(markdown(rows))
