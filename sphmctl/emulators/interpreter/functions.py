@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sphmctl.emulators.flange import status_and_turn
 from sphmctl.emulators.interpreter import buffers, texts
 from sphmctl.emulators.interpreter.code import Fn
 from sphmctl.emulators.interpreter.expressions import Typed
@@ -25,7 +24,7 @@ from sphmctl.emulators.krl.functions import FUNCTIONS
 from sphmctl.emulators.krl_text import Bool, Int, Real, Struct, Type
 from sphmctl.emulators.motion.figures import beyond
 from sphmctl.emulators.motion.frames import chained, frame_of, inverted, pose_of
-from sphmctl.emulators.motion.kinematics import axes_of, tool_centre
+from sphmctl.emulators.motion.kinematics import axes_of, status_and_turn, tool_centre
 
 if TYPE_CHECKING:
     from sphmctl.emulators.interpreter.compiler import Builder

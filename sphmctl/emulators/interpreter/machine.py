@@ -179,7 +179,10 @@ class Machine:
     def _run(self, statements: int, level: int = 0) -> None:
         """Run instructions until one has to wait, or so many are done, or a level has ended."""
         for _ in range(statements):
-            if self.state != "P_ACTIVE" or len(self._levels) <= level or self._crowded:
+            if self.state != "P_ACTIVE" or len(self._levels) <= level:
+                return
+            tags = self._levels[-1].tags
+            if tags and self._drive is not None and len(tags) > self._drive.advance:
                 return
             frame = self._frames[-1]
             pc = frame.pc
@@ -193,11 +196,6 @@ class Machine:
                 if pause is Pause.AGAIN:
                     frame.pc = pc
                 return
-
-    @property
-    def _crowded(self) -> bool:
-        tags = self._levels[-1].tags
-        return bool(tags) and self._drive is not None and len(tags) > self._drive.advance
 
     def _fault(self, frame: Frame, pc: int, error: KrlFaultError) -> None:
         code = frame.code
