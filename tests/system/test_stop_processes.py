@@ -1,6 +1,7 @@
 """`run` killed, and its TCP link cut, in real processes: when the arm stands, and the words.
 
-Judged from truth.csv. The emulated cell is a process of its own, as a real one is; a forwarder stands for the network.
+Judged from truth.csv. The emulated cell is a process of its own, as a real one is; a forwarder
+stands for the network.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ import pytest
 
 from sphmctl.motion import Floats
 from tests.system.rig import STILL_DEG
+from tests.system.stop_rig import LATE_S, LOOK, SEE_TO, STAND_S, stands_s
 from tests.system.test_command_run import OCTAGON, WAIT_S, cell_file, finish, line_of, start
-from tests.system.test_stop_cases import EXIT_FAULT, LATE_S, LOOK, SEE_TO, STAND_S, stands_s
 
 pytestmark = pytest.mark.realtime
 
@@ -37,7 +38,7 @@ ON_THE_WAY_BYTES = 20_000
 SLOW_HOST_S = 0.1
 """What a busy machine may add: what was sent before the event is read late."""
 
-EXIT_DEVICE, EXIT_CTRL_C = 5, 130
+EXIT_DEVICE, EXIT_FAULT, EXIT_CTRL_C = 5, 6, 130
 
 
 def pass_time(seconds: float) -> None:
