@@ -1,6 +1,6 @@
 """Compares the KRL program that is commonly published for KUKAVARPROXY with ours, on one emulator.
 
-Run `python tools/bench/published.py`, some minutes: the octagon's knots by an endless PTP to one
+Run `python tools/bench/published.py`, two to ten minutes: the octagon's knots by an endless PTP to one
 global variable (`krl/`), and by `firmware/krc` under the daemon. In virtual time, so that it prints
 the same each time. Not a test.
 """
