@@ -1,8 +1,8 @@
 """Compares the KRL program that is commonly published for KUKAVARPROXY with ours, on one emulator.
 
-Run `python tools/bench/published.py`, two to ten minutes: the octagon's knots by an endless PTP to one
-global variable (`krl/`), and by `firmware/krc` under the daemon. In virtual time, so that it prints
-the same each time. Not a test.
+Run `python tools/bench/published.py`, two minutes on an idle machine: the octagon's knots by an
+endless PTP to one global variable (`krl/`), and by `firmware/krc` under the daemon. In virtual
+time, so that it prints the same each time. Not a test.
 """
 
 from __future__ import annotations
