@@ -106,7 +106,7 @@ reals: st.SearchStrategy[str] = st.deferred(
         st.sampled_from(
             ["R", "U", "P.W", "L[2].W", "P.Q.A1", "F.X", "$VEL.CP", "$VEL_AXIS[1]", "$AXIS_ACT.A1"]
         ),
-        st.sampled_from(["0.25", "40.0", "(-3.5)"]),
+        st.sampled_from(["0.25", "40.0", "(-3.5)", "0.0"]),
         st.builds("({}{}{})".format, reals | ints, st.sampled_from("+-*/"), reals),
         st.builds(
             "{}({})".format, st.sampled_from(["SIN", "COS", "TAN", "ACOS", "SQRT", "ABS"]), reals

@@ -92,6 +92,22 @@ def test_a_routine_that_interrupts_a_moving_one_brakes_that_too() -> None:
     assert rig.mover.joints_deg == pytest.approx((40, -90, 90, 0, 90, 0))
 
 
+def test_resume_inside_of_a_routine_forgets_only_what_that_set_aside() -> None:
+    """[C] RESUME goes back to the level that declared the interrupt, no farther."""
+    routine = "INTERRUPT DECL 8 WHEN AGAIN DO MORE()\nINTERRUPT ON 8\nSUB()\nMARK=MARK+1"
+    more = (
+        "DEF SUB()", "PTP_REL {A6 60}", "WAIT SEC 0", "END",
+        "DEF MORE()", "BRAKE", "PTP_REL {A5 -20}", "WAIT SEC 0", "RESUME", "END",
+    )  # fmt: skip
+    rig = begun(routine, "PTP {A1 40}", *more)
+    rig.until(lambda: axis(rig, 6) > 5.0)
+    rig.memory.put("AGAIN", True)
+    rig.until(lambda: rig.get("MARK") == 1)
+    assert 5.0 < axis(rig, 6) < 60.0
+    rig.until(lambda: rig.krc.state == "P_END")
+    assert rig.mover.joints_deg == pytest.approx((40, -90, 90, 0, 90, 0))
+
+
 def test_a_reset_forgets_what_was_set_aside() -> None:
     """[M] the next motion is a BCO run from where the arm stands."""
     rig = begun("PTP {A6 30}\nWAIT FOR FALSE")
