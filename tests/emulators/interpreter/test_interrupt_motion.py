@@ -14,7 +14,7 @@ INTERRUPT DECL 9 WHEN AGAIN DO MORE()
 PTP $AXIS_ACT
 INTERRUPT ON
 """
-DATA = "BOOL HIT=FALSE\nBOOL AGAIN=FALSE\nINT MARK=0"
+DATA = "BOOL HIT=FALSE\nBOOL AGAIN=FALSE\nBOOL LATER=FALSE\nINT MARK=0"
 
 
 def begun(routine: str, main: str = "PTP {A1 40}\nPTP {A1 40,A2 -70}", *more: str) -> Rig:
@@ -94,14 +94,14 @@ def test_a_routine_that_interrupts_a_moving_one_brakes_that_too() -> None:
 
 def test_resume_inside_of_a_routine_forgets_only_what_that_set_aside() -> None:
     """[C] RESUME goes back to the level that declared the interrupt, no farther."""
-    routine = "INTERRUPT DECL 8 WHEN AGAIN DO MORE()\nINTERRUPT ON 8\nSUB()\nMARK=MARK+1"
+    routine = "INTERRUPT DECL 8 WHEN LATER DO LEAVE()\nINTERRUPT ON 8\nSUB()\nMARK=MARK+1"
     more = (
         "DEF SUB()", "PTP_REL {A6 60}", "WAIT SEC 0", "END",
-        "DEF MORE()", "BRAKE", "PTP_REL {A5 -20}", "WAIT SEC 0", "RESUME", "END",
+        "DEF LEAVE()", "BRAKE", "PTP_REL {A5 -20}", "WAIT SEC 0", "RESUME", "END",
     )  # fmt: skip
     rig = begun(routine, "PTP {A1 40}", *more)
     rig.until(lambda: axis(rig, 6) > 5.0)
-    rig.memory.put("AGAIN", True)
+    rig.memory.put("LATER", True)
     rig.until(lambda: rig.get("MARK") == 1)
     assert 5.0 < axis(rig, 6) < 60.0
     rig.until(lambda: rig.krc.state == "P_END")
