@@ -366,8 +366,11 @@ class Machine:
             self._interrupts.forget(ended)
         del self._frames[index + 1 :]
         self._levels = [one for one in self._levels if one.base <= index]
-        for one in self._levels:
+        for one in reversed(self._levels):
             one.tags.clear()
+            if one.moves:
+                # What this one has set aside is still to come.
+                break
         if any(one.braked for one in self._levels):
             drive.brake(fast=False)
         self._begin()
