@@ -217,7 +217,7 @@ def test_a_board_that_is_reset_ends_the_run() -> None:
 
 
 def test_a_controller_without_the_line_is_refused_before_motion() -> None:
-    with pytest.raises(DeviceError, match="line wrist ok: off: .*; give the cell file arm.lines"):
+    with pytest.raises(DeviceError, match=r"line wrist ok: off: .*; give the cell file arm\.lines"):
         run(board="simulated", options=Options(lines=False))
 
 
