@@ -78,7 +78,7 @@ class Interpreters:
         self._submit = Submit(
             Machine(self.memory, self.terminals, options, time_s, self.say, command=self._command)
         )
-        self._system.bind_programs(self, self._submit)
+        self._system.bind_programs(self, self._submit, self.stop)
         lists = [module for module in modules if isinstance(module, n.DataList)]
         programs = [module for module in modules if isinstance(module, n.Program)]
         load_lists(self.memory, self.terminals, lists)

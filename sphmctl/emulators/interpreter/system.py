@@ -246,11 +246,16 @@ class System:
     def _enable_drives(self, on: bool) -> None:
         if not on:
             self._mover.drives_off()
+            # A program does not stay active without drives.
+            self._stop_program()
         elif self._panel.safe:
             self._mover.drives_on()
 
-    def bind_programs(self, robot: Program, submit: Program) -> None:
-        """What interpreters say of themselves."""
+    def bind_programs(
+        self, robot: Program, submit: Program, stop_robot: Callable[[], None]
+    ) -> None:
+        """What interpreters say of themselves; and the robot program's stop key."""
+        self._stop_program = stop_robot
         self._look("$PRO_STATE0", lambda: submit.state)
         for name in ("$PRO_STATE", "$PRO_STATE1"):
             self._look(name, lambda: robot.state)
