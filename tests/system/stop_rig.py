@@ -91,7 +91,6 @@ class Case:
         cause, remedy: the run's words; the remedy while the cause is there.
         refusal: how the next run ends while the cause is there; empty: it can begin.
         limit_s: how soon the arm must stand.
-        hasty: whether the operator may come before the run has ended.
         board: what stands before the servos.
     """
 
@@ -101,7 +100,6 @@ class Case:
     remedy: str
     refusal: str
     limit_s: float = STAND_S
-    hasty: bool = True
     board: BoardKind = "none"
 
 
@@ -234,10 +232,9 @@ CASES = {
     "stop key": Case(
         by(key("P_STOP")),
         by(release),
-        "the arm has made no progress for 3 s",
+        "the controller stopped the program",
         f"{START}, then run again",
         f"controller: program state: #P_STOP; {START}",
-        hasty=False,
     ),
     "drives off": Case(
         by(switch_drives_off),
@@ -348,9 +345,8 @@ async def stop_case(case: Case, instant: Instant, motion: MotionOptions | None =
         case.act(rig)
         if case.act is kill:
             task.cancel()
-        soon = instant.soon and case.hasty
         refused = None
-        if soon:
+        if instant.soon:
             await asyncio.sleep(SOON_S)
         else:
             await asyncio.wait([task])

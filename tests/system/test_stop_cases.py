@@ -113,7 +113,7 @@ def test_the_arm_stands_in_time_and_never_drives_an_old_target(
     assert stopped.moved_late_deg <= (BCO_DEG if name == "program deselected" else STILL_DEG)
     cause, remedy = stopped.told
     assert re.fullmatch(case.cause, cause)
-    if not (instant.soon and case.hasty):
+    if not instant.soon:
         assert remedy.startswith(case.remedy)
     if stopped.refused is not None:
         assert case.refusal in stopped.refused
@@ -166,28 +166,6 @@ def test_override_0_holds_the_arm_in_time_and_back_it_goes_on_along_the_path(
     plan = plan_from(instant.side[0])
     assert off_path_deg(rows, plan) <= ON_PATH_DEG
     assert np.abs(rows[-1, 1:] - np.degrees(plan.joints[-1, :6])).max() <= BCO_DEG
-
-
-def test_the_stop_key_holds_a_living_run_and_start_goes_on_along_the_path() -> None:
-    instant = INSTANTS[3]
-
-    async def main() -> tuple[str, Floats]:
-        rig = on_the_side(instant)
-        try:
-            task = asyncio.create_task(rig.play(plan_from(instant.side[0])))
-            await rig.until_tau(instant.tau_s)
-            event_s = rig.loop.time()
-            key("P_STOP")(rig.emulated)
-            await asyncio.sleep(2.0)
-            key("P_ACTIVE")(rig.emulated)
-            return (await task).outcome, true_rows(rig, event_s)
-        finally:
-            await rig.close()
-
-    outcome, rows = clock.run(main(), virtual=True)
-    assert outcome == "completed"
-    assert stands_s(rows[rows[:, 0] < 2.0]) <= STAND_S
-    assert off_path_deg(rows, plan_from(instant.side[0])) <= ON_PATH_DEG
 
 
 @pytest.mark.parametrize("started_s", [0.5, 3.0])

@@ -77,6 +77,7 @@ class Machine:
         self._cycle = 0
         self._looked = -1
         self._statements = options.robot_statements if drive else options.submit_statements
+        self.looks_early = drive is not None and options.looks_early
 
     # For whoever owns it.
 
@@ -114,7 +115,8 @@ class Machine:
         self._cycle += 1
         if self.state != "P_ACTIVE":
             return
-        self.look()
+        if not self.looks_early:
+            self.look()
         if self.state == "P_ACTIVE":
             self._run(self._statements)
 

@@ -67,6 +67,7 @@ class Interpreters:
         self.messages: list[Message] = []
         self.exact_stops = 0
         self.name = ""
+        self._steps = 0
         self._mover = mover
         self._time_s = time_s
         load_predefined(self.memory)
@@ -88,7 +89,10 @@ class Interpreters:
     # Time.
 
     def react(self, events: Iterable[Event]) -> None:
-        """What the mover told since the last time."""
+        """What the mover told; every 4 ms, and before `cycle` where that is due, too."""
+        self._steps += 1
+        if self._robot.looks_early and self._steps == 1 and self.state == "P_ACTIVE":
+            self._robot.look()
         for event in events:
             if event.kind is Kind.FINISHED:
                 self._robot.finished(event.tag)
@@ -105,6 +109,7 @@ class Interpreters:
 
     def cycle(self) -> None:
         """The next 12 ms: lines, submit interpreter, robot interpreter."""
+        self._steps = 0
         self.terminals.cycle()
         self._submit.machine.cycle()
         self._robot.cycle()

@@ -56,6 +56,17 @@ def fired(options: Options) -> float:
     return float(rig.get("X"))
 
 
+def fired_in_the_same_turn(options: Options) -> float:
+    body = "INTERRUPT DECL 20 WHEN $FLAG[1] DO HIT()\nINTERRUPT ON 20\nWAIT SEC 1"
+    rig = started(options, body, "DEF HIT()", "X=X+1", "END")
+    rig.cycles(5)
+    rig.step()
+    rig.step()
+    assert rig.memory.write_text("$FLAG[1]", "TRUE")
+    rig.step()
+    return float(rig.get("X"))
+
+
 def value_of_a_trigger(options: Options) -> float:
     body = INI + "Y=1\nTRIGGER WHEN DISTANCE=1 DELAY=0 DO X=Y\nPTP P\nY=2\nWAIT SEC 0.2"
     rig = started(options, body)
@@ -90,6 +101,7 @@ CASES: dict[str, tuple[Any, Any, Callable[[Options], float]]] = {
     "trigger_statements": (20, 200, turns_of_a_trigger_at_once),
     "call_depth": (5, 20, depth),
     "fires_when_already_true": (False, True, fired),
+    "looks_early": (True, False, fired_in_the_same_turn),
     "trigger_value": ("planning", "firing", value_of_a_trigger),
     "flags_stop_advance": (False, True, place_at_a_flag),
     "interrupts_declared": (8, 32, interrupts(switched_on=False)),
