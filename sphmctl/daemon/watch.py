@@ -39,7 +39,7 @@ NO_OK_S = 0.150
 """The controller may be without "wrist ok" for so long, braking, before that is the cause: the
 board is asked every 50 ms, and knows why."""
 
-NO_REASON_S = 0.036
+NO_REASON_S = 0.030
 """The controller stops its program up to some cycles before it says why: drives fall when it has
 braked."""
 
