@@ -201,7 +201,7 @@ def simulate(
 async def _simulate(options: Options) -> None:
     from sphmctl.emulators.board import Board
     from sphmctl.emulators.board_process import BoardError
-    from sphmctl.emulators.lines import Lines, Wiring
+    from sphmctl.emulators.lines import Loose, Wiring
 
     done, lose = until_told()
     try:
@@ -210,7 +210,7 @@ async def _simulate(options: Options) -> None:
         raise InvalidError(str(error), "simulated board") from error
     board.on.lost = lambda error: lose(DeviceError(str(error), "simulated board"))
     # The controller's end of the lines, at rest; then a power-up that has never seen them float.
-    Wiring(Lines(), board, lambda: None)
+    Wiring(Loose(), board, lambda: None)
     board.reset()
     try:
         print(json.dumps({"port": board.port, "bus": board.bus_port}), flush=True)

@@ -93,6 +93,11 @@ def export(
             "lines: {wrist_ok: 17, knot: 17, arm_moving: 18}",
             "arm.lines",
         )
+    if chosen.wrist.board_id is None and chosen.arm.lines is not None:
+        raise InvalidError(
+            "there are lines to a board but no board: give wrist.board_id, or leave arm.lines out",
+            "arm.lines",
+        )
     texts = program_texts(lines)
     _write(folder, texts, force)
     document = {

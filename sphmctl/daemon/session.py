@@ -224,7 +224,9 @@ class Session:
         try:
             steps = remedies(await self.examine_arm())
         except DeviceError:
-            return "look at the robot, mend the connection, see what `sphmctl doctor` says, run again"
+            return (
+                "look at the robot, mend the connection, see what `sphmctl doctor` says, run again"
+            )
         return f"{steps or 'see to what the fault names'}, then run again"
 
     async def _still_there(self, first: Plan) -> None:

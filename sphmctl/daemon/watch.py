@@ -39,6 +39,10 @@ NO_OK_S = 0.150
 """The controller may be without "wrist ok" for so long, braking, before that is the cause: the
 board is asked every 50 ms, and knows why."""
 
+NO_REASON_S = 0.030
+"""The controller stops its program up to some cycles before it says why: drives fall when it has
+braked."""
+
 STALL_S = 3.0
 """The arm makes no progress for so long although it may: it starves or is blocked."""
 
@@ -47,6 +51,7 @@ FAULT_TEXTS = {
     krc.Fault.SEQUENCE: "the controller found a knot with a wrong sequence number",
     krc.Fault.KNOT: "the controller refused a knot's speed or axes",
     krc.Fault.CONTROLLER: "the controller stopped the program",
+    krc.Fault.SUBMIT: "the controller's submit interpreter stopped, or is too slow",
     krc.Fault.WRIST: "the controller has no wrist ok, though the board gives it: look at the line",
 }
 
@@ -70,6 +75,7 @@ class Watch:
         self._progress_tau = -math.inf
         self._progress_s = 0.0
         self._no_ok_s = math.inf
+        self._no_reason_s = math.inf
 
     def arm(self, state: ArmState, off_plan_rad: float) -> str | None:
         """Why the arm's state ends the motion, or None."""
@@ -91,7 +97,9 @@ class Watch:
         if state.stop_message:
             return "the controller shows a stop message"
         if fault and state.fault is krc.Fault.CONTROLLER:
-            return FAULT_TEXTS[krc.Fault.CONTROLLER]
+            self._no_reason_s = min(self._no_reason_s, state.at_s)
+            if state.at_s - self._no_reason_s >= NO_REASON_S:
+                return FAULT_TEXTS[krc.Fault.CONTROLLER]
         return self._line(state)
 
     def _line(self, state: ArmState) -> str | None:

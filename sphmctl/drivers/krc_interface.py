@@ -57,6 +57,7 @@ class Fault(IntEnum):
     KNOT = 3
     CONTROLLER = 4
     WRIST = 5
+    SUBMIT = 6
 
 
 class Wrist(IntEnum):

@@ -149,7 +149,7 @@ class KukaArm:
         received_s = loop.time()
         fields = self._state_fields(text)
         stamp_s = _integer(fields["TIME"]) / 1000.0
-        self._see_life(stamp_s, sent_s)
+        self._see_life(stamp_s, sent_s, received_s)
         self._clock.update(stamp_s, sent_s, received_s)
         return ArmState(
             version=_integer(fields["VERSION"]),
@@ -171,10 +171,11 @@ class KukaArm:
             at_s=self._clock.host_s(stamp_s),
         )
 
-    def _see_life(self, stamp_s: float, sent_s: float) -> None:
+    def _see_life(self, stamp_s: float, sent_s: float, received_s: float) -> None:
         """Refuse a state that nobody refreshes: it would show an arm that moves as standing."""
         if stamp_s != self._stamp_s:
-            self._stamp_s, self._changed_s = stamp_s, sent_s
+            # A slow reply may show the very cycle that the next one shows, too.
+            self._stamp_s, self._changed_s = stamp_s, received_s
         elif sent_s - self._changed_s > FROZEN_S:
             still_ms = 1000.0 * (sent_s - self._changed_s)
             raise DeviceError(

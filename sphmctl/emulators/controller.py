@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from sphmctl.emulators.interpreter import Interpreters
+from sphmctl.emulators.interpreter import Options as KrlOptions
 from sphmctl.emulators.interpreter import Panel as Safety
 from sphmctl.emulators.interpreter.functions import axes_value
 from sphmctl.emulators.interpreter.values import Live
@@ -32,6 +33,9 @@ TICK_STEPS = round(CYCLE_S * 1e6 / STEP_US)
 
 TIMER_START_MS = 3_600_000
 """`$ROB_TIMER` at the start: the controller has been on for an hour, and nobody may expect 0."""
+
+TIMER_SPAN_MS = 2**31
+"""An INT that counts up begins anew at 0, after 24 days (guess)."""
 
 START_UP_MS = 600
 """What the operator's part takes: submit interpreter, selection, and a BCO run to where the arm
@@ -68,8 +72,10 @@ class Options:
         installed: whether our program and its variables are on the controller at all.
         lines: whether its lines to a board are connected.
         line_numbers: where, if they are.
+        timer_ms: `$ROB_TIMER` at the start: the controller has been on for an hour.
         modules: more KRL files on the controller; they take the place of others of their name.
         motion: how the arm moves.
+        interpreter: how KRL is run.
     """
 
     start_deg: Joints = (0.0, -90.0, 90.0, 0.0, 90.0, 0.0)
@@ -81,10 +87,12 @@ class Options:
     installed: bool = True
     lines: bool = False
     line_numbers: Numbers = NUMBERS
+    timer_ms: int = TIMER_START_MS
     modules: tuple[Path, ...] = ()
     motion: MotionOptions = field(
         default_factory=lambda: MotionOptions(acceleration_deg_s2=ACCELERATION_DEG_S2)
     )
+    interpreter: KrlOptions = field(default_factory=KrlOptions)
 
     def __post_init__(self) -> None:
         """Refuse what no controller is."""
@@ -165,7 +173,7 @@ class Controller:
 
     def timer_ms(self) -> int:
         """`$ROB_TIMER` of the present world step."""
-        return TIMER_START_MS - START_UP_MS + self._now_ms
+        return (self.options.timer_ms - START_UP_MS + self._now_ms) % TIMER_SPAN_MS
 
     @property
     def world_s(self) -> float:
@@ -185,10 +193,9 @@ class Controller:
         if index % ARM_STEPS:
             return
         self.arm.advance(STEP_S)
-        if self._told:
-            events = list(self._told)
-            self._told.clear()
-            self.krc.react(events)
+        events = list(self._told)
+        self._told.clear()
+        self.krc.react(events)
         if index % TICK_STEPS == 0:
             self.krc.cycle()
 

@@ -55,6 +55,8 @@ class Panel:
             self._arm.drives_on()
         else:
             self._arm.drives_off()
+            # A program does not stay active without drives.
+            self._krc.stop()
 
     @property
     def mode(self) -> str:

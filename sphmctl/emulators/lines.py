@@ -18,31 +18,12 @@ class Levels(Protocol):
     on_output: Callable[[str, bool], None]
 
 
-class Lines:
-    """Both outputs and the input of the robot program, as INTERFACE.md names them.
-
-    Attributes:
-        wrist_ok: the input; a line that nobody drives is off.
-        on_output: told of each change of an output: which, and its level.
-    """
+class Loose:
+    """Terminals that lead nowhere: a board without a controller."""
 
     def __init__(self) -> None:
         self.wrist_ok = False
         self.on_output: Callable[[str, bool], None] = lambda _name, _level: None
-        self._levels = {"knot": False, "moving": False}
-
-    def toggle_knot(self) -> None:
-        """A knot was passed."""
-        self._put("knot", not self._levels["knot"])
-
-    def put_moving(self, level: bool) -> None:
-        """Whether the arm moves."""
-        self._put("moving", level)
-
-    def _put(self, name: str, level: bool) -> None:
-        if self._levels[name] != level:
-            self._levels[name] = level
-            self.on_output(name, level)
 
 
 class Wiring:

@@ -91,6 +91,12 @@ def test_a_board_without_line_numbers_is_refused(sphmctl: Sphmctl, tmp_path: Pat
     assert not (tmp_path / "stick").exists()
 
 
+def test_lines_without_a_board_are_refused(sphmctl: Sphmctl, tmp_path: Path) -> None:
+    told = sphmctl("krl", "export", "stick", "--cell", cell(tmp_path, LINES, None))
+    assert told.code == 3
+    assert "arm.lines: there are lines to a board but no board" in told.err
+
+
 @pytest.mark.parametrize(
     ("lines", "sentence"),
     [

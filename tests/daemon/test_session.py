@@ -231,7 +231,7 @@ def test_findings_carry_a_remedy_where_something_is_wrong() -> None:
         session = Session(rig.cell, rig.arm, rig.wrist, rig.events)
         await session.open()
         findings = [*await session.examine_arm(), *await session.examine_wrist()]
-        assert [f.name for f in findings if not f.ok] == ["drives"]
+        assert [f.name for f in findings if not f.ok] == ["drives", "program state"]
         assert all(bool(f.remedy) is not f.ok for f in findings)
         assert {f.name for f in findings} >= {"robot", "program", "mode", "safety chain"}
         assert dataclasses.asdict(findings[0])["detail"].startswith("KR6R900")

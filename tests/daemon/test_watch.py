@@ -74,6 +74,7 @@ def test_an_arm_and_a_wrist_in_order_raise_nothing() -> None:
 
 
 FAULT = {"status": krc.Status.FAULT}
+SUBMIT = "the controller's submit interpreter stopped, or is too slow"
 CAUSES: list[tuple[dict[str, Any], str]] = [
     ({"session": 6}, "another client has taken the arm's session"),
     ({**FAULT, "fault": krc.Fault.BEAT}, "the controller heard no heartbeat for a second"),
@@ -82,7 +83,7 @@ CAUSES: list[tuple[dict[str, Any], str]] = [
         "the controller found a knot with a wrong sequence number",
     ),
     ({**FAULT, "fault": krc.Fault.KNOT}, "the controller refused a knot's speed or axes"),
-    ({**FAULT, "fault": krc.Fault.CONTROLLER}, "the controller stopped the program"),
+    ({**FAULT, "fault": krc.Fault.SUBMIT}, SUBMIT),
     ({**FAULT, "fault": krc.Fault.NONE}, "the KRL program reports a fault"),
     ({"safe": False}, "the controller reports an emergency stop or an open gate"),
     ({"drives": False}, "the controller's drives are off"),
@@ -110,6 +111,14 @@ def test_a_stop_by_the_controller_is_told_by_what_caused_it() -> None:
         ({}, "stop message"),
     ):
         assert words in str(_watch().arm(dataclasses.replace(fault, **change), 0.0))
+
+
+def test_a_stop_without_a_reason_waits_some_cycles_for_one() -> None:
+    watch = _watch()
+    stopped = dataclasses.replace(GOOD, status=krc.Status.FAULT, fault=krc.Fault.CONTROLLER)
+    cycles = [dataclasses.replace(stopped, at_s=1000.0 + 0.012 * cycle) for cycle in range(6)]
+    told = [watch.arm(state, 0.0) for state in cycles]
+    assert told == [None] * 3 + ["the controller stopped the program"] * 3
 
 
 def test_an_arm_off_its_plan_ends_the_motion_just_beyond_the_limit() -> None:

@@ -21,8 +21,8 @@ from tests.system.rig import Rig
 AXES = "{E6AXIS: A1 1.0, A2 -90.0, A3 9.0E+01, A4 0, A5 90.0, A6 0.0, E1 0.0}"
 STATE = (
     "{SPH_STATE_T: VERSION 3, CHECK 5, SESSION 3, STATUS 2, FAULT 0, WRIST 2, RD 7, DONE 5, "
-    "BEAT 9, TIME 3600012, OV 50, MOVING TRUE, STOPPED FALSE, DRIVES TRUE, SAFE TRUE, STOPMESS FALSE, "
-    f"MODE #T1, Q {AXES}}}"
+    "BEAT 9, TIME 3600012, OV 50, MOVING TRUE, STOPPED FALSE, DRIVES TRUE, SAFE TRUE, "
+    f"STOPMESS FALSE, MODE #T1, Q {AXES}}}"
 )
 
 
@@ -163,3 +163,24 @@ def test_host_times_of_states_are_within_a_few_milliseconds_of_the_truth() -> No
         assert 0.0 < rig.loop.time() - state.at_s < 0.02
 
     _with_arm(test)
+
+
+def test_a_slow_reply_is_not_taken_for_a_state_that_stands_still() -> None:
+    delays_s = itertools.chain((0.4,), itertools.repeat(0.002))
+
+    def answer(far: FarEnd, request: bytes) -> None:
+        ping = kvp_name(request) == "PING"
+        far.send(kvp_reply(request, "PONG" if ping else STATE), 0.002 if ping else next(delays_s))
+
+    async def main() -> None:
+        arm = KukaArm(KvpClient(FarEnd(answer).open, "controller"), "controller")
+        await arm.connect()
+        await arm.read_state()
+        # The server was slow, and both replies show the cycle in which it woke up.
+        await arm.read_state()
+        await asyncio.sleep(0.13)
+        with pytest.raises(DeviceError, match="has stood still for 13"):
+            await arm.read_state()
+        await arm.close()
+
+    clock.run(main(), virtual=True)

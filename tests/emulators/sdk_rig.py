@@ -14,10 +14,14 @@ import json, sys
 from dynamixel_sdk import GroupSyncRead, GroupSyncWrite, PacketHandler, PortHandler
 
 TRIES = 10  # on a loaded machine the SDK's fixed 34 ms may run out; a board boots when opened
+NO_ANSWER = -3001
 
 def settle(call):
     for _ in range(TRIES):
-        answer = call()
+        try:
+            answer = call()
+        except IndexError:  # its fast sync read takes a late answer apart as if it were whole
+            answer = (NO_ANSWER, 0)
         if answer[-2] == 0:
             break
     return answer

@@ -51,3 +51,10 @@ def test_drives_that_are_switched_off_in_motion_stop_the_arm_on_its_path() -> No
     assert stood[1:] == HOME[1:]
     rig.wait_ms(300)
     assert rig.controller.true_joints_deg() == stood
+
+
+def test_a_client_that_takes_the_drives_away_stops_the_program() -> None:
+    rig = Rig()
+    rig.write("$DRIVES_ENABLE", "FALSE")
+    rig.wait_ms(13)
+    assert (rig.read("$PRO_STATE1"), rig.read("$PERI_RDY")) == ("#P_STOP", "FALSE")

@@ -157,6 +157,15 @@ class Rig:
         self.acted_s = float("nan")
         self.full_disk = False
 
+    def anew(self) -> None:
+        """Drivers and session as the next `run` makes them, on the same cell."""
+        self.arm = make_arm(self.cell, self.kvp.open)
+        self.wrist = make_wrist(self.cell, self.bus.open)
+        self.events = Events(None, self.loop.time)
+        self.session = Session(self.cell, self.arm, self.wrist, self.events)
+        self.stop = asyncio.Event()
+        self.tau = 0.0
+
     def write(self, name: str, text: str) -> None:
         """What another client of the controller writes."""
         self.emulated.world.advance()

@@ -94,7 +94,9 @@ def run_octagon(folder: Path, seed: int, capsys: pytest.CaptureFixture[str], *mo
     return Path(summary["run_dir"])
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(
+    "seed", [*range(4), *(pytest.param(s, marks=pytest.mark.many) for s in range(4, 20))]
+)
 def test_the_octagon_is_followed_in_step_with_every_seed(
     seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

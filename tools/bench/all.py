@@ -1,6 +1,6 @@
 """Runs every benchmark, one after the other, and prints one table for the README.
 
-Run `python tools/bench/all.py`, about three minutes, on a machine that does nothing else;
+Run `python tools/bench/all.py`, about six minutes, on a machine that does nothing else;
 `--quick` takes fewer repeats and leaves out the runs in real time. Not a test.
 """
 
@@ -16,6 +16,7 @@ from tools.bench import (
     bench_servo,
     bench_timing,
     bench_workspace,
+    published,
 )
 from tools.bench.harness import Row, markdown
 
@@ -73,6 +74,7 @@ def main() -> None:
         *bench_timing.measure(bench_timing.QUICK_REPEATS if quick else bench_timing.REPEATS),
         *bench_help.measure(QUICK_CALLS if quick else bench_help.CALLS),
         *bench_runs.measure(real_time=not quick),
+        *published.measure(1 if quick else published.SEEDS),
     ]
     print()
     print(markdown(rows))

@@ -12,10 +12,12 @@ from sphmctl.emulators.interpreter.expressions import Expressions, Target, Typed
 from sphmctl.emulators.interpreter.faults import NOT_ALLOWED, KrlFaultError, invalid
 from sphmctl.emulators.interpreter.values import Box, Cell, converter_or_none, fresh
 from sphmctl.emulators.krl import nodes as n
+from sphmctl.emulators.krl.blending import FRAMES
 from sphmctl.emulators.krl.build import fail
 from sphmctl.emulators.krl.functions import FUNCTIONS
+from sphmctl.emulators.krl.statements import root
 from sphmctl.emulators.krl.walking import inside as all_inside
-from sphmctl.emulators.krl_text import Bool, Int, Real
+from sphmctl.emulators.krl_text import Array, Bool, Int, Real
 
 if TYPE_CHECKING:
     from sphmctl.emulators.interpreter.compiler import Builder
@@ -154,6 +156,8 @@ def assignment(builder: Builder, node: n.Assign) -> Instruction:
     fn = builder.value(node.value, target.name, target.kind)
     box = target.box
     guarded = isinstance(base, n.Name) and base.name == "$GEAR_JERK"
+    if root(node.target).name in FRAMES:
+        return _frame(box, fn)
 
     def assign(f: Any) -> None:
         value = fn(f)
@@ -164,9 +168,24 @@ def assignment(builder: Builder, node: n.Assign) -> Instruction:
     return assign
 
 
+def _frame(box: Fn, fn: Fn) -> Instruction:
+    """$TOOL, $BASE or a component: a change is counted while a motion is planned."""
+
+    def assign(f: Any) -> None:
+        holder, value = box(f), fn(f)
+        if holder.value != value:
+            f.machine.note_frame()
+        holder.value = value
+
+    return assign
+
+
 def _check_writable(node: n.Assign, target: Target) -> None:
     if not target.writable:
         raise fail(node.at, "const", f"{target.name} can only be read")
+    if isinstance(target.kind, Array):
+        message = f"{target.name} is an array; its elements are assigned one by one"
+        raise fail(node.at, "array", message)
 
 
 def _cyclic(builder: Builder, target: n.Index, value: n.Expression) -> Instruction:

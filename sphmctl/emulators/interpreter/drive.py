@@ -12,6 +12,7 @@ from sphmctl.emulators.interpreter.faults import (
     KrlFaultError,
     invalid,
 )
+from sphmctl.emulators.interpreter.functions import axes_value
 from sphmctl.emulators.interpreter.memory import Memory
 from sphmctl.emulators.interpreter.motions import Order, Planner
 from sphmctl.emulators.motion.blocks import Block, MotionError, Trigger
@@ -27,6 +28,8 @@ STOP_ON_PATH = 2
 
 class Arm(Protocol):
     """What the interpreter needs of a mover."""
+
+    joints_deg: Joints
 
     @property
     def moving(self) -> bool:
@@ -48,6 +51,15 @@ class Arm(Protocol):
 
     def release(self) -> None:
         """Go on."""
+
+    def set_aside(self) -> None:
+        """Keep what is planned for later."""
+
+    def take_up(self) -> None:
+        """Plan again what was set aside last."""
+
+    def drop_aside(self) -> None:
+        """Forget what was set aside last."""
 
     def discard(self) -> None:
         """Forget what is planned."""
@@ -127,6 +139,23 @@ class Drive:
     def release(self) -> None:
         """The routine that braked has ended."""
         self._arm.release()
+
+    def interrupted(self) -> None:
+        """An interrupt's routine begins: $AXIS_INT."""
+        self._memory.put("$AXIS_INT", axes_value(self._arm.joints_deg))
+
+    def leave_path(self) -> None:
+        """The routine that braked will move: $AXIS_RET is where it begins."""
+        self._memory.put("$AXIS_RET", axes_value(self._arm.joints_deg))
+        self._arm.set_aside()
+
+    def return_to_path(self) -> None:
+        """It has moved."""
+        self._arm.take_up()
+
+    def drop_path(self) -> None:
+        """It has ended by RESUME."""
+        self._arm.drop_aside()
 
     def discard(self) -> None:
         """RESUME: what is planned is forgotten."""

@@ -51,6 +51,7 @@ class Level:
     Attributes:
         base: how many frames were there before.
         braked: whether its BRAKE still holds the arm.
+        moves: whether it has set aside what was planned, for motions of its own.
         tags: its blocks that are not finished.
     """
 
@@ -58,6 +59,7 @@ class Level:
     base: int = 0
     interrupt: Interrupt | None = None
     braked: bool = False
+    moves: bool = False
     tags: set[int] = field(default_factory=set)
 
 

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sphmctl.emulators.flange import status_and_turn
-from sphmctl.emulators.interpreter import texts
+from sphmctl.emulators.interpreter import buffers, texts
 from sphmctl.emulators.interpreter.code import Fn
 from sphmctl.emulators.interpreter.expressions import Typed
 from sphmctl.emulators.interpreter.faults import OUT_OF_RANGE, RAISED, KrlFaultError, invalid
@@ -25,7 +24,7 @@ from sphmctl.emulators.krl.functions import FUNCTIONS
 from sphmctl.emulators.krl_text import Bool, Int, Real, Struct, Type
 from sphmctl.emulators.motion.figures import beyond
 from sphmctl.emulators.motion.frames import chained, frame_of, inverted, pose_of
-from sphmctl.emulators.motion.kinematics import axes_of, tool_centre
+from sphmctl.emulators.motion.kinematics import axes_of, status_and_turn, tool_centre
 
 if TYPE_CHECKING:
     from sphmctl.emulators.interpreter.compiler import Builder
@@ -69,12 +68,16 @@ def _inverted(frame: Any) -> Any:
     return made
 
 
+def _size_of(x: int | float) -> int | float:
+    return whole(abs(x)) if isinstance(x, int) else abs(x)
+
+
 def _of_degrees(function: Callable[[float], float]) -> Pure:
     return Pure(lambda x: real(function(math.radians(x))), Real())
 
 
 PURE = {
-    "ABS": Pure(abs, None),
+    "ABS": Pure(_size_of, None),
     "SIN": _of_degrees(math.sin),
     "COS": _of_degrees(math.cos),
     "TAN": _of_degrees(math.tan),
@@ -106,6 +109,8 @@ def compiled(builder: Builder, node: n.Call) -> Typed:
         return _special(builder, node)
     if node.name in texts.TEXTS:
         return texts.compiled(builder, node)
+    if node.name in buffers.BUFFERS:
+        return buffers.compiled(builder, node)
     if node.name in SPLINES:
         return _spline(builder, node)
     pure = PURE.get(node.name)

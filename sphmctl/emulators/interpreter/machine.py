@@ -46,6 +46,8 @@ class Machine:
 
     Attributes:
         state: member of PRO_STATE.
+        frame_changes: how often $TOOL or $BASE changed while a motion was planned. Blocks keep
+            their frames here; a real controller was seen to plan them anew.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Machine:
     ) -> None:
         self.terminals = terminals
         self.state = "P_FREE"
+        self.frame_changes = 0
         self._memory = memory
         self._options = options
         self._time_s = time_s
@@ -74,6 +77,7 @@ class Machine:
         self._cycle = 0
         self._looked = -1
         self._statements = options.robot_statements if drive else options.submit_statements
+        self.looks_early = drive is not None and options.looks_early
 
     # For whoever owns it.
 
@@ -111,7 +115,8 @@ class Machine:
         self._cycle += 1
         if self.state != "P_ACTIVE":
             return
-        self.look()
+        if not self.looks_early:
+            self.look()
         if self.state == "P_ACTIVE":
             self._run(self._statements)
 
@@ -164,6 +169,8 @@ class Machine:
                 if action.perform is not None:
                     action.perform(due.frame)
                 continue
+            if due.interrupt is not None and self._drive is not None:
+                self._drive.interrupted()
             boxes = action.arguments(due.frame) if action.arguments else []
             self._levels.append(Level(due.priority, len(self._frames), due.interrupt))
             self.call(action.code, boxes, -1)
@@ -174,7 +181,10 @@ class Machine:
     def _run(self, statements: int, level: int = 0) -> None:
         """Run instructions until one has to wait, or so many are done, or a level has ended."""
         for _ in range(statements):
-            if self.state != "P_ACTIVE" or len(self._levels) <= level or self._crowded:
+            if self.state != "P_ACTIVE" or len(self._levels) <= level:
+                return
+            tags = self._levels[-1].tags
+            if tags and self._drive is not None and len(tags) > self._drive.advance:
                 return
             frame = self._frames[-1]
             pc = frame.pc
@@ -188,11 +198,6 @@ class Machine:
                 if pause is Pause.AGAIN:
                     frame.pc = pc
                 return
-
-    @property
-    def _crowded(self) -> bool:
-        tags = self._levels[-1].tags
-        return bool(tags) and self._drive is not None and len(tags) > self._drive.advance
 
     def _fault(self, frame: Frame, pc: int, error: KrlFaultError) -> None:
         code = frame.code
@@ -232,6 +237,10 @@ class Machine:
         """Whether the main run is not yet where the advance run is."""
         return bool(self._levels[-1].tags)
 
+    def note_frame(self) -> None:
+        """$TOOL or $BASE has got another value."""
+        self.frame_changes += self.ahead
+
     def call(self, code: Code, boxes: list[Box], temp: int) -> None:
         """Go into a routine."""
         if len(self._frames) >= self._options.call_depth:
@@ -245,7 +254,8 @@ class Machine:
     def leave(self, value: Any) -> Pause | None:
         """RETURN, END and ENDFCT."""
         frame, level = self._frames[-1], self._levels[-1]
-        if level.tags and (len(self._frames) == 1 or self._interrupts.has_own(frame)):
+        last = len(self._frames) == 1 or (level.moves and level.base == len(self._frames) - 1)
+        if level.tags and (last or self._interrupts.has_own(frame)):
             return Pause.AGAIN
         self._frames.pop()
         self._interrupts.forget(frame)
@@ -260,6 +270,8 @@ class Machine:
     def _end_level(self, level: Level) -> None:
         self._levels.pop()
         self._levels[-1].tags |= level.tags
+        if level.moves and self._drive is not None:
+            self._drive.return_to_path()
         if level.braked and self._drive is not None:
             self._drive.release()
         self._begin()
@@ -312,17 +324,24 @@ class Machine:
     def move(self, order: Order) -> None:
         """Plan a motion."""
         drive = self._arm(order.kind)
-        if any(level.braked for level in self._levels):
-            message = "a motion in a routine that has braked is not emulated; end it with RESUME"
-            raise KrlFaultError(NOT_ALLOWED, message)
-        self._levels[-1].tags.add(drive.move(order))
+        level = self._levels[-1]
+        holders = (one for one in reversed(self._levels) if one.braked or one.moves)
+        holder = next(holders, None)
+        if holder is not None and not holder.moves:
+            drive.leave_path()
+            level.moves = True
+        level.tags.add(drive.move(order))
 
     def brake(self, fast: bool) -> Pause | None:
         """BRAKE: goes on as the arm stands."""
         drive = self._arm("BRAKE")
         if not self.interrupted:
             raise KrlFaultError(NOT_ALLOWED, "BRAKE stands only in an interrupt routine")
-        self._levels[-1].braked = True
+        level = self._levels[-1]
+        if level.moves:
+            # What it brakes then is its own: that ends first (guess).
+            return Pause.AGAIN if level.tags else None
+        level.braked = True
         return None if drive.brake(fast) else Pause.AGAIN
 
     def resume(self) -> Pause | None:
@@ -342,12 +361,18 @@ class Machine:
         if not drive.brake(fast=False):
             return Pause.AGAIN
         drive.discard()
+        for one in self._levels:
+            if one.moves and one.base > index:
+                drive.drop_path()
         for ended in self._frames[index + 1 :]:
             self._interrupts.forget(ended)
         del self._frames[index + 1 :]
         self._levels = [one for one in self._levels if one.base <= index]
-        for one in self._levels:
+        for one in reversed(self._levels):
             one.tags.clear()
+            if one.moves:
+                # What this one has set aside is still to come.
+                break
         if any(one.braked for one in self._levels):
             drive.brake(fast=False)
         self._begin()

@@ -26,6 +26,8 @@ class Options:
         trigger_value: whether the right side of a trigger's assignment is looked at when the
             trigger is planned ("planning") or when it fires ("firing").
         flags_stop_advance: whether $FLAG[] stops the advance run.
+        looks_early: whether interrupts are looked at 8 ms before the robot interpreter's turn, and
+            not just before it; what happens in between is seen by the program, and not by them.
         interrupts_declared, interrupts_on: how many may be (SI, "INTERRUPT").
     """
 
@@ -36,5 +38,6 @@ class Options:
     fires_when_already_true: bool = False
     trigger_value: str = "firing"
     flags_stop_advance: bool = False
+    looks_early: bool = False
     interrupts_declared: int = 32
     interrupts_on: int = 16

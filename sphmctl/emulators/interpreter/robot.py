@@ -67,6 +67,7 @@ class Interpreters:
         self.messages: list[Message] = []
         self.exact_stops = 0
         self.name = ""
+        self._steps = 0
         self._mover = mover
         self._time_s = time_s
         load_predefined(self.memory)
@@ -78,7 +79,7 @@ class Interpreters:
         self._submit = Submit(
             Machine(self.memory, self.terminals, options, time_s, self.say, command=self._command)
         )
-        self._system.bind_programs(self, self._submit)
+        self._system.bind_programs(self, self._submit, self.stop)
         lists = [module for module in modules if isinstance(module, n.DataList)]
         programs = [module for module in modules if isinstance(module, n.Program)]
         load_lists(self.memory, self.terminals, lists)
@@ -88,7 +89,10 @@ class Interpreters:
     # Time.
 
     def react(self, events: Iterable[Event]) -> None:
-        """What the mover told since the last time."""
+        """What the mover told; every 4 ms, and before `cycle` where that is due, too."""
+        self._steps += 1
+        if self._robot.looks_early and self._steps == 1 and self.state == "P_ACTIVE":
+            self._robot.look()
         for event in events:
             if event.kind is Kind.FINISHED:
                 self._robot.finished(event.tag)
@@ -105,6 +109,7 @@ class Interpreters:
 
     def cycle(self) -> None:
         """The next 12 ms: lines, submit interpreter, robot interpreter."""
+        self._steps = 0
         self.terminals.cycle()
         self._submit.machine.cycle()
         self._robot.cycle()
@@ -138,6 +143,11 @@ class Interpreters:
     def place(self) -> tuple[str, str, int]:
         """Module, file and line of the advance pointer."""
         return self._robot.place
+
+    @property
+    def frame_changes(self) -> int:
+        """How often $TOOL or $BASE changed while a motion was planned."""
+        return self._robot.frame_changes
 
     @property
     def submit_state(self) -> str:

@@ -18,7 +18,7 @@ from sphmctl.emulators.interpreter.memory import Memory
 from sphmctl.emulators.interpreter.operators import PLACE_PARTS, place_of
 from sphmctl.emulators.interpreter.panel import Panel
 from sphmctl.emulators.interpreter.signals import Terminals
-from sphmctl.emulators.interpreter.values import Live, is_set
+from sphmctl.emulators.interpreter.values import Box, Live, is_set
 from sphmctl.emulators.motion import figures
 from sphmctl.emulators.motion.frames import NULL_FRAME
 from sphmctl.emulators.motion.kinematics import tool_centre
@@ -145,11 +145,14 @@ class System:
             mover.override_percent = float(percent)
 
         self._memory.bind("$OV_PRO", Live(lambda: round(mover.override_percent), override))
-        for name in ("$AXIS_ACT", "$AXIS_ACT_MEAS", "$AXIS_INT"):
+        for name in ("$AXIS_ACT", "$AXIS_ACT_MEAS"):
             self._look(name, lambda: axes_value(mover.joints_deg))
         self._look("$AXIS_FOR", lambda: self._end("end_deg"))
         self._look("$AXIS_BACK", lambda: self._end("start_deg"))
-        for name in ("$POS_ACT", "$POS_ACT_MES", "$POS_INT"):
+        for which in ("INT", "RET"):
+            axes = self._memory.box(f"$AXIS_{which}")
+            self._look(f"$POS_{which}", partial(self._point_of, axes))
+        for name in ("$POS_ACT", "$POS_ACT_MES"):
             self._look(name, lambda: self._point(axes_value(mover.joints_deg)))
         self._look("$POS_FOR", lambda: self._point(self._end("end_deg")))
         self._look("$POS_BACK", lambda: self._point(self._end("start_deg")))
@@ -198,6 +201,9 @@ class System:
             return None
         return point_value(joints_of(axes, "axes"), place_of(tool, ""), place_of(base, ""))
 
+    def _point_of(self, axes: Box) -> Any:
+        return self._point(axes.value if is_set(axes.value) else None)
+
     def _axis_speeds(self) -> list[float]:
         pairs = zip(self._mover.speed_deg_s, figures.SPEED_DEG_S, strict=True)
         return [*(100.0 * speed / limit for speed, limit in pairs), *[0.0] * (AXES - 6)]
@@ -240,11 +246,16 @@ class System:
     def _enable_drives(self, on: bool) -> None:
         if not on:
             self._mover.drives_off()
+            # A program does not stay active without drives.
+            self._stop_program()
         elif self._panel.safe:
             self._mover.drives_on()
 
-    def bind_programs(self, robot: Program, submit: Program) -> None:
-        """What interpreters say of themselves."""
+    def bind_programs(
+        self, robot: Program, submit: Program, stop_robot: Callable[[], None]
+    ) -> None:
+        """What interpreters say of themselves; and the robot program's stop key."""
+        self._stop_program = stop_robot
         self._look("$PRO_STATE0", lambda: submit.state)
         for name in ("$PRO_STATE", "$PRO_STATE1"):
             self._look(name, lambda: robot.state)

@@ -44,43 +44,58 @@ def compiled(builder: Builder, node: n.Call) -> Typed:
         if node.name == "STRCOMP":
             return Typed(lambda f: _same(*[value(f) for value in values]), Bool())
         return Typed(lambda f: _found(*[value(f) for value in values]), Int())
-    first = _variable(builder, parts[0])
-    if node.name in ("STRLEN", "STRDECLLEN", "STRCLEAR"):
-        return _of_one(node.name, parts[0], first, builder)
+    if node.name in ("STRLEN", "STRDECLLEN"):
+        return _length_of(node.name, readable(builder, parts[0]))
+    if node.name == "STRCLEAR":
+        return Typed(_cleared(writable(builder, parts[0])), Bool())
     if node.name in ("STRADD", "STRCOPY"):
-        source = builder.expressions.of(parts[1]).fn
+        first, source = writable(builder, parts[0]), builder.expressions.of(parts[1]).fn
         if node.name == "STRADD":
             return Typed(_added(first, source), Int())
         return Typed(_copied(first, source), Bool())
     text = builder.expressions.of(parts[0]).fn
-    return Typed(_converted(text, _variable(builder, parts[1])), Bool())
+    return Typed(_converted(text, writable(builder, parts[1])), Bool())
 
 
-def _variable(builder: Builder, node: n.Expression) -> Target:
-    if isinstance(node, n.Name | n.Field | n.Index):
-        return builder.expressions.reference(node)
+def readable(builder: Builder, node: n.Expression) -> Target:
+    """A text that a function looks at: a variable, or one in quotes."""
     if isinstance(node, n.StringLiteral):
         value = node.value
         return Target(lambda _: value, lambda _: None, Text(max(1, len(value))), "", False, False)
-    raise fail(node.at, "arguments", "a variable must stand here")
+    return writable(builder, node, reads_only=True)
+
+
+def writable(builder: Builder, node: n.Expression, reads_only: bool = False) -> Target:
+    """A variable that a function writes.
+
+    Raises:
+        KrlError: something else stands there, or it can only be read.
+    """
+    if not isinstance(node, n.Name | n.Field | n.Index):
+        raise fail(node.at, "arguments", "a variable must stand here")
+    target = builder.expressions.reference(node)
+    if not (target.writable or reads_only):
+        raise fail(node.at, "const", f"{target.name} can only be read")
+    return target
 
 
 def _length(value: Any) -> int:
     return len(value.rstrip(UNSET)) if value else 0
 
 
-def _of_one(name: str, node: n.Expression, target: Target, builder: Builder) -> Typed:
+def _length_of(name: str, target: Target) -> Typed:
     if name == "STRLEN":
         return Typed(lambda f: _length(target.raw(f)), Int())
-    if name == "STRDECLLEN":
-        size = target.kind.size if isinstance(target.kind, Text) else 0
-        return Typed(lambda _: size, Int())
+    size = _size(target)
+    return Typed(lambda _: size, Int())
 
+
+def _cleared(target: Target) -> Fn:
     def clear(f: Any) -> bool:
         target.box(f).value = None
         return True
 
-    return Typed(clear, Bool())
+    return clear
 
 
 def _size(target: Target) -> int:
@@ -136,8 +151,7 @@ def _converted(text: Fn, target: Target) -> Fn:
 
 def _swrite(builder: Builder, parts: list[n.Expression]) -> Fn:
     """SWRITE(text[],state,offset,format[],values..): writes from the offset on, and moves it."""
-    text = _variable(builder, parts[0])
-    state, offset = _variable(builder, parts[1]), _variable(builder, parts[2])
+    text, state, offset = (writable(builder, part) for part in parts[:3])
     pattern = builder.expressions.of(parts[3]).fn
     values = [builder.expressions.of(part) for part in parts[4:]]
 

@@ -50,7 +50,7 @@ FUNCTIONS = {
         f"STRTO{name}": Function(2, 2, "BOOL", (1,))
         for name in words("BOOL INT REAL STRING FRAME POS E3POS E6POS AXIS E3AXIS E6AXIS")
     },
-    "SREAD": Function(3, _MANY, "", tuple(range(1, _MANY))),
+    "SREAD": Function(5, _MANY, "", tuple(range(1, _MANY))),
     "SWRITE": Function(4, _MANY, "", (0, 1, 2)),
     "CAST_TO": Function(3, _MANY, "", (0, 1)),
     "CAST_FROM": Function(3, _MANY, "", tuple(range(1, _MANY))),

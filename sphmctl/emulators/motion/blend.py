@@ -39,6 +39,17 @@ KINK_S = 1e-9
 """Beside a kink of an acceleration, so that a jump is seen from both sides."""
 
 
+def link(first: Run, second: Run, options: Options) -> None:
+    """Make two blocks neighbours, and blend them if the first asks for it."""
+    first.behind, second.before = second, first
+    if first.block is None or not first.block.approximation:
+        return
+    overlap_s, first.reason = join(first, second, options)
+    if overlap_s > 0.0 and first.t_s > first.profile.duration_s - overlap_s:
+        overlap_s, first.reason = 0.0, "next block planned too late"
+    first.overlap_s = overlap_s
+
+
 def join(first: Run, second: Run, options: Options) -> tuple[float, str]:
     """The overlap in seconds of two planned blocks, and, where that is 0, the reason."""
     block, then = first.block, second.block

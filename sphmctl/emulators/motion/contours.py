@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-from sphmctl.emulators.flange import status_and_turn
 from sphmctl.emulators.motion.blocks import AxisLimitError, Circ, Lin, MotionError, PathSpeed, Ptp
 from sphmctl.emulators.motion.figures import (
     PATH_ACCELERATION_MM_S2,
@@ -35,7 +34,7 @@ from sphmctl.emulators.motion.frames import (
     times,
     turned,
 )
-from sphmctl.emulators.motion.kinematics import inverse, tool_centre
+from sphmctl.emulators.motion.kinematics import inverse, status_and_turn, tool_centre
 
 NO_WAY_DEG = 1e-7
 """An axis with less to go stays: far below a motor's resolution, and its rates would overflow."""

@@ -56,6 +56,7 @@ TABLE: tuple[tuple[str, str], ...] = (
     ("t1_path_mm_s", "VEL_CP_T1 of MADA; other archives have 229"),
     ("bco_stops_in", "guess for AUT"),
     ("drives_off_stop", GUESS),
+    ("behind an interrupt routine's own motions: back to the path like a BCO run, then on", GUESS),
     ("moving_at_override_0", GUESS),
 )
 """What stands behind the motion, and its source; names are fields of `Options`."""

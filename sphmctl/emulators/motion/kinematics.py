@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from sphmctl.emulators.flange import status_and_turn
 from sphmctl.emulators.motion.figures import RANGE_DEG, Joints
 from sphmctl.emulators.motion.frames import (
     Frame,
@@ -56,6 +55,20 @@ def forward(joints_deg: Joints) -> Pose:
     up = HEIGHT_MM - UPPER_MM * math.sin(2 * a2) - FOREARM_MM * sine + FOREARM_UP_MM * cosine
     x, y, z = turned(turn, (0.0, 0.0, FLANGE_MM))
     return (way * (c1 * c1 - s1 * s1) + x, way * 2 * c1 * s1 + y, up + z), turn
+
+
+def status_and_turn(joints_deg: Joints) -> tuple[int, int]:
+    """S and T of a POS (KUKA system integrators' manual, "Status and Turn").
+
+    S: bit 0 the wrist's centre behind A1, bit 1 the elbow's branch, bit 2 A5 negative.
+    T: one bit for each negative axis angle.
+    """
+    shoulder, pitch = math.radians(joints_deg[1]), math.radians(joints_deg[1] + joints_deg[2])
+    way = SHOULDER_MM + UPPER_MM * math.cos(shoulder)
+    way += FOREARM_MM * math.cos(pitch) + FOREARM_UP_MM * math.sin(pitch)
+    elbow = math.radians(joints_deg[2]) >= BEND
+    status = int(way < 0.0) | int(elbow) << 1 | int(joints_deg[4] < 0.0) << 2
+    return status, sum(1 << axis for axis in range(6) if joints_deg[axis] < 0.0)
 
 
 def inverse(
@@ -138,7 +151,7 @@ def axes_of(
         base: on the robot's base.
         near_deg: the point before: without S its status is kept, without T the shortest way
             is taken.
-        status: S, see `flange.status_and_turn`.
+        status: S, see `status_and_turn`.
         turn: T: bit n set for a negative axis n + 1; ignored where that
             is outside the software limits.
     """

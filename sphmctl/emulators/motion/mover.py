@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from sphmctl.emulators.motion.blend import join
+from sphmctl.emulators.motion.aside import Aside
+from sphmctl.emulators.motion.blend import link
 from sphmctl.emulators.motion.blocks import AxisLimitError, Block, Event, Kind, MotionError
 from sphmctl.emulators.motion.contours import ToolPath
 from sphmctl.emulators.motion.figures import MODES, STEP_S, Joints, Options, beyond
@@ -17,7 +18,7 @@ from sphmctl.emulators.motion.governor import brake_limits, next_share, ramp_lim
 from sphmctl.emulators.motion.reins import Reins
 from sphmctl.emulators.motion.run import Run, joints_at, plan, way_back
 from sphmctl.emulators.motion.slowing import coasted, fitting_step
-from sphmctl.emulators.motion.triggers import Armed
+from sphmctl.emulators.motion.triggers import Waiting
 
 STEP_US = round(STEP_S * 1e6)
 AT_REST: Joints = (0.0,) * 6
@@ -56,7 +57,8 @@ class Mover:
         self._run: Run | None = None
         self._back: Run | None = None
         self._coast: Joints | None = None
-        self._armed: list[Armed] = []
+        self._triggers = Waiting()
+        self._aside: list[Aside] = []
         self._reins = Reins()
         self._share = self._rate = 0.0
         self._bco = True
@@ -142,9 +144,9 @@ class Mover:
         run.ready_s = self.time_s + self._options.plan_s
         last = self._last()
         if last is not None:
-            self._link(last, run)
+            link(last, run, self._options)
         self._queue.append(run)
-        self._armed += [Armed(trigger, run) for trigger in block.triggers]
+        self._triggers.arm(block.triggers, run)
         if self._bco:
             self._bco = False
             self._tell(Kind.BCO_NEEDED, block.tag)
@@ -158,6 +160,27 @@ class Mover:
         """The interrupt routine that braked has ended: go on."""
         self._reins.braked = False
 
+    def set_aside(self) -> None:
+        """At standstill after a brake: keep the plan until `take_up`, and let a routine move."""
+        if self.moving:
+            raise RuntimeError("nothing can be set aside before the arm stands")
+        self._aside.append(Aside(self._run, self._back, self._queue, self._triggers))
+        self._run = self._back = None
+        self._queue, self._triggers = deque(), Waiting()
+        self._reins.braked = False
+
+    def take_up(self) -> None:
+        """What was set aside last is planned again, behind the way back to where it was left."""
+        aside = self._aside.pop()
+        self._run, self._back = aside.run, aside.back
+        self._queue, self._triggers = aside.queue, aside.triggers
+        self._reins.braked = True
+        self._return()
+
+    def drop_aside(self) -> None:
+        """What was set aside last is forgotten."""
+        self._bco |= self._aside.pop().bco
+
     def discard(self) -> None:
         """RESUME: come to rest, forget what is planned, and let go of the brake."""
         self._reins.harden(False)
@@ -167,20 +190,16 @@ class Mover:
     def select(self) -> None:
         """Select, reset or deselect: like `discard`; the next block is a BCO run."""
         self._bco = True
+        self._aside.clear()
         self.discard()
 
     def stop(self, category: int) -> None:
         """STOP 0 leaves the path, drives off; STOP 1 on it, then drives off; STOP 2 on it."""
         if category not in (0, 1, 2):
             raise ValueError(f"stop category {category} is not 0, 1 or 2")
-        reins = self._reins
-        reins.harden(category < 2)
-        reins.stopped = True
-        reins.drives_off_at_rest |= category == 1
-        if category == 0:
-            reins.drives = False
-            if any(self.speed_deg_s) and self._coast is None:
-                self._coast = self.speed_deg_s
+        self._reins.stop(category)
+        if category == 0 and any(self.speed_deg_s) and self._coast is None:
+            self._coast = self.speed_deg_s
         self._settle()
 
     def start(self) -> bool:
@@ -221,8 +240,8 @@ class Mover:
             self.speed_deg_s = tuple([(after[i] - before[i]) / STEP_S for i in range(6)])
         elif self.speed_deg_s is not AT_REST:
             self.speed_deg_s = AT_REST
-        if self._armed:
-            self._fire()
+        for time_s, tag in self._triggers.fired(self.time_s, self._rate):
+            self._tell(Kind.TRIGGER, tag, time_s=time_s)
         self._settle()
 
     def _begin(self) -> None:
@@ -333,39 +352,22 @@ class Mover:
         if any(self._coast):
             return
         self._coast = None
+        self._return()
+
+    def _return(self) -> None:
+        """Plan the way back to the path, where there is one and the arm is beside it."""
         self._share = 0.0
-        run = self._run
+        run = self._run or (self._queue[0] if self._queue else None)
         if run is not None:
             path_deg = joints_at(run, run.t_s, self.joints_deg)
-            self._back = way_back(self.joints_deg, path_deg, self._options)
+            if path_deg != self.joints_deg:
+                self._back = way_back(self.joints_deg, path_deg, self._options)
 
     def _last(self) -> Run | None:
         if self._queue:
             return self._queue[-1]
         run = self._run
         return run if run is None or run.follower is None else run.follower
-
-    def _link(self, first: Run, second: Run) -> None:
-        first.behind, second.before = second, first
-        if first.block is None or not first.block.approximation:
-            return
-        overlap_s, first.reason = join(first, second, self._options)
-        if overlap_s > 0.0 and first.t_s > first.profile.duration_s - overlap_s:
-            overlap_s, first.reason = 0.0, "next block planned too late"
-        first.overlap_s = overlap_s
-
-    def _fire(self) -> None:
-        fired: list[tuple[float, int]] = []
-        waiting: list[Armed] = []
-        for armed in self._armed:
-            time_s = armed.fires(self.time_s, self._rate)
-            if time_s is None:
-                waiting.append(armed)
-            else:
-                fired.append((time_s, armed.trigger.tag))
-        self._armed = waiting
-        for time_s, tag in sorted(fired):
-            self._tell(Kind.TRIGGER, tag, time_s=time_s)
 
     def _settle(self) -> None:
         """What happens at standstill, once."""
@@ -385,7 +387,7 @@ class Mover:
         self._bco = self._bco or any(run.bco for run in runs)
         self._queue.clear()
         self._run = self._back = None
-        self._armed = [armed for armed in self._armed if armed.due]
+        self._triggers.forget()
         self._share = 0.0
         self._reins.dropping = self._reins.braked = False
 

@@ -32,6 +32,13 @@ class Reins:
         """A brake under way becomes harder, never softer."""
         self.fast = fast or (self.fast and self.held)
 
+    def stop(self, category: int) -> None:
+        """A stop of category 0, 1 or 2."""
+        self.harden(category < 2)
+        self.stopped = True
+        self.drives_off_at_rest |= category == 1
+        self.drives = self.drives and category > 0
+
     def at_rest(self) -> None:
         """What waited for standstill."""
         if self.drives_off_at_rest:

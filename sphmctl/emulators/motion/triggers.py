@@ -8,6 +8,7 @@ before or behind is trimmed silently (robot-forum 34556).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from sphmctl.emulators.motion.blocks import Trigger
 from sphmctl.emulators.motion.contours import ToolPath
@@ -83,6 +84,36 @@ class Armed:
         """Past the middle of the block behind the place."""
         behind = self.run if self.trigger.distance == 0 else self.run.behind
         return behind is not None and _past_middle(behind)
+
+
+class Waiting:
+    """The triggers of all planned blocks that have not fired."""
+
+    def __init__(self) -> None:
+        self._armed: list[Armed] = []
+
+    def arm(self, triggers: Iterable[Trigger], run: Run) -> None:
+        """Take those of one more block."""
+        self._armed += [Armed(trigger, run) for trigger in triggers]
+
+    def fired(self, time_s: float, rate: float) -> list[tuple[float, int]]:
+        """Those that fire in this step, in their order: when, and their tags."""
+        if not self._armed:
+            return []
+        fired: list[tuple[float, int]] = []
+        waiting: list[Armed] = []
+        for armed in self._armed:
+            when_s = armed.fires(time_s, rate)
+            if when_s is None:
+                waiting.append(armed)
+            else:
+                fired.append((when_s, armed.trigger.tag))
+        self._armed = waiting
+        return sorted(fired)
+
+    def forget(self) -> None:
+        """Their blocks are forgotten; where only a delay is left, they fire nevertheless."""
+        self._armed = [armed for armed in self._armed if armed.due]
 
 
 def _past_middle(run: Run) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
@@ -29,6 +31,9 @@ REAL U
 BOOL B=FALSE
 BOOL V=TRUE
 CHAR S[8]
+BOOL OK
+INT O
+DECL STATE_T ST
 S[]="abc"
 DECL COLOUR C=#BLUE
 FRAME F={X 1,Y 2,Z 3,A 10,B 20,C 30}
@@ -47,6 +52,7 @@ END
 DEF PAUSE()
 BRAKE
 WAIT SEC 0.02
+PTP_REL {A6 3}
 END
 DEF LEAVE()
 BRAKE
@@ -100,7 +106,7 @@ reals: st.SearchStrategy[str] = st.deferred(
         st.sampled_from(
             ["R", "U", "P.W", "L[2].W", "P.Q.A1", "F.X", "$VEL.CP", "$VEL_AXIS[1]", "$AXIS_ACT.A1"]
         ),
-        st.sampled_from(["0.25", "40.0", "(-3.5)"]),
+        st.sampled_from(["0.25", "40.0", "(-3.5)", "0.0"]),
         st.builds("({}{}{})".format, reals | ints, st.sampled_from("+-*/"), reals),
         st.builds(
             "{}({})".format, st.sampled_from(["SIN", "COS", "TAN", "ACOS", "SQRT", "ABS"]), reals
@@ -127,28 +133,32 @@ motions = st.builds(
     st.integers(-12, 12),
     st.sampled_from(["", " C_PTP", " C_DIS"]),
 )
+int_targets = st.sampled_from(["I", "J", "A[2]", "A[I]", "K[I,J]", "P.N", "L[J].N"])
+real_targets = st.sampled_from(["R", "U", "P.W", "L[I].W", "F.X", "$VEL_AXIS[2]"])
+bool_targets = st.sampled_from(["B", "V", "P.OK", "$OUT[3]", "$FLAG[5]"])
+
+FIXED = """L[2]=P; P=L[1]; P.Q={A1 1}; F=INV_POS(F):F; P.TAG[]="xyz"; C=#GREEN; S[]=P.TAG[]
+I=STRADD(S[],P.TAG[]); OK=STRTOINT("7",I); GIVE(I); GIVE(J); GIVE(A[3]); NOTE()
+ON_ERROR_PROCEED; CONTINUE; WAIT SEC 0.01; WAIT SEC 0; HALT; RETURN; BRAKE; RESUME
+I=2147483647; R=1.0E30; $ADVANCE=1; $ADVANCE=3; $APO.CPTP=80; $BASE.X=5; ERR_CLEAR($ERR)
+$TIMER_STOP[1]=FALSE; I=$TIMER[1]; PULSE($OUT[3],TRUE,0.05); $CYCFLAG[1]=$FLAG[1] AND NOT B
+INTERRUPT OFF 10; INTERRUPT ON 10; INTERRUPT DISABLE; INTERRUPT ENABLE
+TRIGGER WHEN DISTANCE=1 DELAY=-10 DO NOTE() PRIO=-1
+TRIGGER WHEN DISTANCE=0 DELAY=5 DO $FLAG[1]=TRUE
+LIN_REL {Z 10} C_DIS; LIN_REL {X -20} #TOOL; PTP {A6 400}; PTP $AXIS_RET
+O=0; SREAD("1 2",ST,O,"%d %d",I,J); SWRITE(S[],ST,O,"%d",I); CAST_TO(S[],O,I,R)
+CAST_FROM(S[],O,J,U,OK)"""
+
 simple = st.one_of(
-    st.builds("{}={}".format, st.sampled_from(["I", "J", "A[2]", "A[I]", "K[I,J]", "P.N", "L[J].N"]), ints),
+    st.builds("{}={}".format, int_targets, ints),
     st.builds("I={}".format, reals),
-    st.builds("{}={}".format, st.sampled_from(["R", "U", "P.W", "L[I].W", "F.X", "$VEL_AXIS[2]"]), reals),
-    st.builds("{}={}".format, st.sampled_from(["B", "V", "P.OK", "$OUT[3]", "$FLAG[5]"]), bools),
+    st.builds("{}={}".format, real_targets, reals),
+    st.builds("{}={}".format, bool_targets, bools),
     st.builds("$FLAG[{}]={}".format, st.integers(1, 2), bools),
-    st.sampled_from(
-        [
-            "L[2]=P", "P=L[1]", "P.Q={A1 1}", "F=INV_POS(F):F", "P.TAG[]=\"xyz\"", "C=#GREEN",
-            "S[]=P.TAG[]", "I=STRADD(S[],P.TAG[])", "GIVE(I)", "GIVE(J)", "GIVE(A[3])", "NOTE()",
-            "ON_ERROR_PROCEED", "CONTINUE", "WAIT SEC 0.01", "WAIT SEC 0", "HALT", "RETURN",
-            "$ADVANCE=1", "$ADVANCE=3", "$TIMER_STOP[1]=FALSE", "I=$TIMER[1]", "$APO.CPTP=80",
-            "PULSE($OUT[3],TRUE,0.05)", "$CYCFLAG[1]=$FLAG[1] AND NOT B", "INTERRUPT OFF 10",
-            "INTERRUPT ON 10", "INTERRUPT DISABLE", "INTERRUPT ENABLE", "ERR_CLEAR($ERR)",
-            "TRIGGER WHEN DISTANCE=1 DELAY=-10 DO NOTE() PRIO=-1",
-            "TRIGGER WHEN DISTANCE=0 DELAY=5 DO $FLAG[1]=TRUE",
-            "LIN_REL {Z 10} C_DIS", "LIN_REL {X -20} #TOOL", "PTP {A6 400}", "BRAKE", "RESUME", "I=2147483647", "R=1.0E30",
-        ]
-    ),
+    st.sampled_from(re.split(r"; |\n", FIXED)),
     st.builds("WAIT FOR {}".format, bools),
     motions,
-)  # fmt: skip
+)
 
 Lines = list[str]
 

@@ -472,12 +472,6 @@ Q=INVERSE(P,{E6AXIS: A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0},E)
     assert rig.get("E") == 0
 
 
-def test_what_is_not_emulated_is_refused_with_file_and_line() -> None:
-    """Never skipped."""
-    with pytest.raises(KrlError, match=r"t\.src:2: .*SREAD is not emulated"):
-        Rig(program('SREAD("1",ST,X)'), config("DECL STATE_T ST\nINT X"))
-
-
 def test_on_error_proceed_spares_a_line_once() -> None:
     """[C] the next time the line comes, it stops the program."""
     body = """AGAIN:
