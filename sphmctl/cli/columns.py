@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isnan
+from itertools import chain
+from math import nan
 from pathlib import Path
 from typing import NoReturn, TextIO
 
@@ -57,21 +58,31 @@ class Columns:
             InvalidError: a column is missing, or a field is not a finite number.
         """
         at = [self._index(name, names) for name in names]
-        out = np.empty((len(self.rows), len(names)))
-        empty: list[int] = []
+        try:
+            flat = [float(fields[index]) for fields in self.rows for index in at]
+        except ValueError:
+            flat = self._with_gaps(names, at)
+        out = np.array(flat).reshape(-1, len(names))
+        whole = np.isfinite(out).all(axis=1)
+        for row in np.flatnonzero(~whole).tolist():
+            texts = [self.rows[row][index] for index in at]
+            if any(text.strip() for text in texts):
+                self._refuse(row, names, texts)
+        return out
+
+    def _with_gaps(self, names: Sequence[str], at: Sequence[int]) -> list[float]:
+        """The numbers of a file with empty rows, NaN there; other texts are refused."""
+        flat: list[float] = []
         for row, fields in enumerate(self.rows):
             texts = [fields[index] for index in at]
+            if not any(text.strip() for text in texts):
+                flat += [nan] * len(at)
+                continue
             try:
-                out[row] = [float(text) for text in texts]
+                flat += [float(text) for text in texts]
             except ValueError:
-                if any(text.strip() for text in texts):
-                    self._refuse(row, names, texts)
-                out[row] = 0.0
-                empty.append(row)
-        for row in np.flatnonzero(~np.isfinite(out).all(axis=1)).tolist():
-            self._refuse(row, names, [self.rows[row][index] for index in at])
-        out[empty] = np.nan
-        return out
+                self._refuse(row, names, texts)
+        return flat
 
     def write(self, stream: TextIO, names: Sequence[str], values: Floats) -> None:
         """The rows with columns (n, len(names)) added, or replaced where there are such already.
@@ -82,12 +93,20 @@ class Columns:
         at = [header.index(name) for name in names]
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
-        rounded = (np.round(values, DECIMALS) + 0.0).tolist()  # + 0.0 turns -0.0 into 0.0
+        rounded = np.round(values, DECIMALS) + 0.0  # + 0.0 turns -0.0 into 0.0
+        text, gaps = ",".join(["%.12g"] * len(names)), [""] * len(names)
+        lost: list[bool] = np.isnan(rounded).any(axis=1).tolist()
+        added = at == list(range(len(self.header), len(header)))
         room = [""] * (len(header) - len(self.header))
-        for fields, numbers in zip(self.rows, rounded, strict=True):
+        for fields, numbers, gap in zip(self.rows, rounded.tolist(), lost, strict=True):
+            line = ",".join(fields)
+            if added and not gap and _is_plain(line, len(fields)):
+                stream.write(f"{line},{text % tuple(numbers)}\n")
+                continue
             out = [*fields, *room]
-            for index, number in zip(at, numbers, strict=True):
-                out[index] = "" if isnan(number) else f"{number:.12g}"
+            texts = gaps if gap else (text % tuple(numbers)).split(",")
+            for index, number in zip(at, texts, strict=True):
+                out[index] = number
             writer.writerow(out)
 
     def _index(self, name: str, names: Sequence[str]) -> int:
@@ -124,9 +143,8 @@ def read_columns(path: Path) -> Columns:
     lines: list[int] = []
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            for fields in reader:
-                line, begin = reader.line_num, line + 1
+            for fields, begin, end in _records(stream):
+                line = end
                 if not fields:
                     continue
                 if rows and len(fields) != len(rows[0]):
@@ -154,3 +172,26 @@ def read_columns(path: Path) -> Columns:
     if twice is not None:
         raise InvalidError(f"the column {twice!r} is there twice", f"{file}, line {lines[0]}")
     return Columns(file, header, rows[1:], lines[1:])
+
+
+def _records(stream: TextIO) -> Iterator[tuple[list[str], int, int]]:
+    """The fields of each record, and the first and the last line it stands on.
+
+    Lines are split at their commas, which takes a fifth of the time of `csv`, up to the first
+    quotation mark: the rest is for `csv`.
+    """
+    for number, line in enumerate(stream, start=1):
+        if '"' in line:
+            reader, last = csv.reader(chain([line], stream), strict=True), number - 1
+            for fields in reader:
+                begin, last = last + 1, number - 1 + reader.line_num
+                yield fields, begin, last
+            return
+        bare = line.rstrip("\r\n")
+        yield bare.split(",") if bare else [], number, number
+
+
+def _is_plain(line: str, count: int) -> bool:
+    """Whether fields joined by commas are what `csv` would write."""
+    special = '"' in line or "\n" in line or "\r" in line
+    return bool(line) and not special and line.count(",") == count - 1
