@@ -50,8 +50,8 @@ def approach(start: Floats, goal: Floats, cell: Cell, speed_share: float) -> Pla
     speed = Speed(joint_percent=percent, joint_acceleration_percent=percent)
     move = Move(1, 1, "ptp", Point("start"), 0.0, speed, Wrist())
     if not draft.problems:
-        leg = Direct(setup, np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64))
-        add_direct(draft, move, leg, 1.0)
+        ends = np.array(start, dtype=np.float64), np.array(goal, dtype=np.float64)
+        add_direct(draft, Direct(setup, move, *ends), 1.0)
     if draft.problems:
         raise _refusal(draft.problems)
     rows = sample(draft.blocks, setup, np.array(start, dtype=np.float64))

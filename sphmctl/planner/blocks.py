@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -9,13 +10,21 @@ import numpy as np
 
 from sphmctl.errors import Problem
 from sphmctl.motion import JOINT_NAMES, Floats
-from sphmctl.pathfile import Move
-from sphmctl.planner.chord import KNOT_LIMIT, TOLERANCE_M, Curve, Leg, split
-from sphmctl.planner.legs import Direct, Line
-from sphmctl.planner.places import RANGE_TOLERANCE_RAD, joint_problem, place
-from sphmctl.planner.timing import LIMIT_SHARE, SLOWEST_SHARE, Limits, TooFast, Trapezoid, fastest
-from sphmctl.robots import kr6, sphm
-from sphmctl.robots.geometry import angle_between
+from sphmctl.pathfile import Move, Speed
+from sphmctl.planner.chord import TOLERANCE_M, Leg, knot_limit, split
+from sphmctl.planner.legs import Direct
+from sphmctl.planner.places import joint_problem
+from sphmctl.planner.timing import (
+    LIMIT_SHARE,
+    SLOWEST_SHARE,
+    Limits,
+    Slice,
+    TooFast,
+    Trapezoid,
+    fastest,
+)
+from sphmctl.planner.way import Way
+from sphmctl.robots import kr6
 
 STILL_RAD = 1e-7
 """An arm that moves less does not move: rounding, far below what the controller resolves."""
@@ -23,14 +32,15 @@ STILL_RAD = 1e-7
 LEAST_SHARE = 1e-4
 """Lowest $VEL_AXIS and $ACC_AXIS, as a share: KRL takes no 0, and a slower arm would creep."""
 
-JUMP_RAD = 0.2
-"""A joint that moves so far between two points of a line is looked at closer."""
+STRAIGHT_PER_M = 1e-3
+"""A path that bends less is straight."""
 
-CLOSER = 14
-"""Halvings of the distance between two points before a jump counts as one: to 0.1 um."""
+BEND_SHARE = 0.7
+"""Of the tool's acceleration, for what goes across a bend and for what goes along: together they
+stay within the whole."""
 
-HALF_TURN_SLACK_RAD = 1e-3
-"""A turn this close to half a turn has no shortest way."""
+EVEN_LEAST = 16
+"""Steps of a block at least, for its derivatives."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +53,19 @@ class Block:
         law: progress within the block; None for a rest.
         rest_s: how long it rests; 0 for a motion.
         velocity, acceleration: of the knot that ends it; None when the arm does not move in it.
-        last: whether its end is the move's.
+        asked: the tool's speed (m/s) and acceleration (m/s2) on its path, at most.
+        name: of the point at its end; "" for none.
     """
 
     move: Move
     leg: Leg | None
     u: tuple[float, float]
-    law: Trapezoid | None
+    law: Trapezoid | Slice | None
     rest_s: float = 0.0
     velocity: float | None = None
     acceleration: float | None = None
-    last: bool = True
+    asked: tuple[float, float] = (math.inf, math.inf)
+    name: str = ""
 
     @property
     def duration_s(self) -> float:
@@ -70,53 +82,62 @@ class Draft:
     notes: list[str] = field(default_factory=list)
 
 
-def add_line(draft: Draft, move: Move, line: Line, title: str, scale: float) -> Floats | None:
-    """Cut a line into blocks and time them; the joints (9,) at its end, or None where it fails."""
-    curve = Curve.of(line)
-    if not _drivable(draft, move, curve):
-        return None
-    joints = curve.joints
+def add_way(draft: Draft, way: Way, title: str, scale: float) -> None:
+    """Cut a way into blocks and time them."""
+    joints = way.joints
     if np.abs(joints - joints[0]).max() < STILL_RAD:
-        return np.array(joints[-1])
-    parts = split(curve)
+        return
+    parts = split(way)
     if parts is None:
-        draft.problems.append(_too_many_knots(move, curve))
-        return None
+        draft.problems.append(_too_many_knots(way))
+        return
+    u, names = way.u, {row: name for name, row in way.marks}
     for begin, end in pairwise(parts.edges):
-        u = (float(curve.u[begin]), float(curve.u[end]))
-        _add_block(draft, move, curve, u, joints[begin : end + 1], scale)
+        here = _even(way, begin, end)
+        name = names.get(end, "")
+        _add_block(draft, way, (float(u[begin]), float(u[end])), here, scale, name)
     draft.notes.append(
         f"{title}: {parts.count} knot{'s' if parts.count > 1 else ''}, chord error "
         f"{parts.error_m * 1000.0:.2f} mm"
     )
-    return np.array(joints[-1])
 
 
-def _too_many_knots(move: Move, curve: Curve) -> Problem:
-    """The line is refused for the axis that turns most sharply on it."""
-    bend = np.abs(np.diff(curve.joints[:, :6], n=2, axis=0))
+def _even(way: Way, begin: int, end: int) -> Floats:
+    """Joints (k, 9) of a block at equal steps."""
+    if way.straight:
+        return np.asarray(way.joints[begin : end + 1])
+    count = max(end - begin, EVEN_LEAST)
+    s = np.linspace(way.s[begin], way.s[end], count + 1)
+    rows = slice(begin, end + 1)
+    return np.stack([np.interp(s, way.s[rows], column[rows]) for column in way.joints.T], axis=1)
+
+
+def _too_many_knots(way: Way) -> Problem:
+    """The way is refused for the axis that turns most sharply on it."""
+    slope = np.diff(way.joints[:, :6], axis=0) / np.diff(way.s)[:, None]
+    bend = np.abs(np.diff(slope, axis=0))
     row, joint = np.unravel_index(np.argmax(bend), bend.shape)
     name = JOINT_NAMES[joint]
     message = (
-        f"keeping the tool within {TOLERANCE_M * 1000:g} mm of the line would take more than "
-        f"{KNOT_LIMIT} stops, because {name} turns too sharply there"
+        f"keeping the tool within {TOLERANCE_M * 1000:g} mm of the path would take more than "
+        f"{knot_limit(way)} stops, because {name} turns too sharply there"
     )
-    where = place(move, float(curve.u[row + 1]), curve.line.length_m)
-    return Problem(where, name, None, None, message)
+    return Problem(way.where(float(way.u[row + 1])), name, None, None, message)
 
 
-def add_direct(draft: Draft, move: Move, leg: Direct, scale: float) -> None:
+def add_direct(draft: Draft, leg: Direct, scale: float) -> None:
     """One block straight through joint space, at the move's share of the joints' limits."""
     if np.abs(leg.end_joints - leg.begin_joints).max() < STILL_RAD:
         return
     joints, pose = leg.at(np.linspace(0.0, 1.0, 65))
     if np.isnan(pose).any():
-        where = place(move, float(np.isnan(pose).any(axis=(1, 2)).argmax()) / 64.0, 0.0)
+        where = leg.where(float(np.isnan(pose).any(axis=(1, 2)).argmax()) / 64.0)
         draft.problems.append(
             Problem(where, "theta7", None, None, "the wrist does not close at these crank angles")
         )
         return
-    _add_block(draft, move, leg, (0.0, 1.0), joints, scale)
+    point = leg.move.point
+    _add_block(draft, leg, (0.0, 1.0), joints, scale, point.name if point else "")
 
 
 def add_rest(draft: Draft, move: Move, scale: float) -> None:
@@ -124,97 +145,30 @@ def add_rest(draft: Draft, move: Move, scale: float) -> None:
     draft.blocks.append(Block(move, None, (0.0, 0.0), None, move.dwell_s / scale))
 
 
-def _drivable(draft: Draft, move: Move, curve: Curve) -> bool:
-    """Whether the arm can follow a line at all: turn, reach, ranges, no jump. Says why not."""
-    leg, before = curve.line, len(draft.problems)
-    turn = float(angle_between(leg.begin[:3, :3], leg.end[:3, :3]))
-    if turn > np.pi - HALF_TURN_SLACK_RAD:
-        message = "the tool turns by half a turn, which has no shortest way; add a point between"
-        draft.problems.append(Problem(move.where, "tool", float(np.degrees(turn)), 180.0, message))
-        return False
-    lost = np.isnan(curve.joints[:, 0])
-    if lost.any():
-        row = int(lost.argmax())
-        where = place(move, float(curve.u[row]), leg.length_m)
-        draft.problems.append(_lost(leg, curve, row, where))
-        return False
-    jump, torn = _jump(move, curve)
-    low, high = leg.setup.ranges.T
-    joints = curve.joints[: torn + 1]  # what comes after a jump is on another branch
-    excess = np.maximum(low - joints, joints - high)
-    for joint in np.flatnonzero((excess > RANGE_TOLERANCE_RAD).any(axis=0)):
-        first = int((excess[:, joint] > RANGE_TOLERANCE_RAD).argmax())
-        value = float(joints[int(excess[:, joint].argmax()), joint])
-        limit = float(low[joint] if value < low[joint] else high[joint])
-        where = place(move, float(curve.u[first]), leg.length_m)
-        draft.problems.append(joint_problem(where, int(joint), value, limit, "angle"))
-    if jump is not None:
-        draft.problems.append(jump)
-    return len(draft.problems) == before
-
-
-def _lost(leg: Line, curve: Curve, row: int, where: str) -> Problem:
-    """Why there is no answer at one point of a line."""
-    setup, cranks = leg.setup, leg.cranks(curve.u[row : row + 1])[0]
-    pose = setup.base @ curve.pose[row]
-    reason = sphm.why_not(pose, cranks, setup.tool, setup.ranges, setup.mount_yaw, where)
-    return reason or Problem(where, "", None, None, "the wrist does not close")
-
-
-def _jump(move: Move, curve: Curve) -> tuple[Problem | None, int]:
-    """Look closer where a joint moves far between two points: is it fast there, or torn?
-
-    Returns:
-        What is wrong, and the last point before it; None and the last point of all.
-    """
-    end_row = len(curve.u) - 1
-    steps = np.abs(np.diff(curve.joints, axis=0)).max(axis=1)
-    row = int(steps.argmax())
-    if steps[row] <= JUMP_RAD:
-        return None, end_row
-    low, high = float(curve.u[row]), float(curve.u[row + 1])
-    begin, end = curve.joints[row], curve.joints[row + 1]
-    for _ in range(CLOSER):
-        middle = (low + high) / 2.0
-        reached = curve.line.at(np.array([middle]), begin)[0][0]
-        if np.abs(reached - begin).max() > np.abs(end - reached).max():
-            high, end = middle, reached
-        else:
-            low, begin = middle, reached
-    joint = int(np.abs(end - begin).argmax())
-    value = float(np.degrees(abs(end[joint] - begin[joint])))
-    if value <= np.degrees(JUMP_RAD):
-        return None, end_row
-    name = JOINT_NAMES[joint]
-    message = (
-        f"{name} would have to turn {value:.4g} degrees at once: the line passes a "
-        "singularity of the arm; lead it round, or use ptp"
-    )
-    return Problem(place(move, low, curve.line.length_m), name, value, 0.0, message), row
-
-
 def _add_block(
-    draft: Draft, move: Move, leg: Leg, u: tuple[float, float], joints: Floats, scale: float
+    draft: Draft, leg: Leg, u: tuple[float, float], joints: Floats, scale: float, name: str
 ) -> None:
     """Time one block along joints (n, 9) at equal steps, and match the controller's law to it."""
+    move = leg.move_at(u[1])
     length_m = leg.length_m * (u[1] - u[0])
     moved = np.abs(joints[-1, :6] - joints[0, :6])
     arm_moves = bool(moved.max() >= STILL_RAD)
     velocity = float((moved / kr6.MAX_SPEED).max())
     acceleration = float((moved / kr6.MAX_ACCELERATION).max())
-    limits = _limits(move, leg, length_m, (velocity, acceleration) if arm_moves else None)
+    asked = _asked(leg, u)
+    room = _room(leg, u, asked)
+    limits = _limits(leg, length_m, room, (velocity, acceleration) if arm_moves else None)
     law = fastest(joints, limits)
     if isinstance(law, TooFast):
-        where = place(move, u[0] + law.w * (u[1] - u[0]), leg.length_m)
+        where = leg.where(u[0] + law.w * (u[1] - u[0]))
         draft.problems.append(joint_problem(where, law.joint, law.value, law.limit, law.what))
         return
     law = law.scaled(scale)
     if arm_moves:
         # However slow the plan: ramps no longer than the controller's lowest acceleration makes.
         law = Trapezoid(law.speed, max(law.acceleration, LEAST_SHARE / acceleration))
-    last = u[1] == 1.0
     if not arm_moves:
-        draft.blocks.append(Block(move, leg, u, law, last=last))
+        draft.blocks.append(Block(move, leg, u, law, asked=asked, name=name))
         return
     velocity, acceleration = velocity * law.speed, acceleration * law.acceleration
     if min(velocity, acceleration) < LEAST_SHARE:
@@ -222,15 +176,41 @@ def _add_block(
             f"the arm would have to creep at {min(velocity, acceleration) * 100:.3g} % of its "
             f"speed or acceleration; at least {LEAST_SHARE * 100:g} % is possible: move faster"
         )
-        where = place(move, u[0], leg.length_m)
+        where = leg.where(u[0])
         draft.problems.append(Problem(where, "", min(velocity, acceleration), LEAST_SHARE, message))
         return
-    block = Block(move, leg, u, law, 0.0, min(velocity, 1.0), min(acceleration, 1.0), last)
+    knot = min(velocity, 1.0), min(acceleration, 1.0)
+    block = Block(move, leg, u, law, 0.0, *knot, asked=asked, name=name)
     draft.blocks.append(block)
 
 
+def _asked(leg: Leg, u: tuple[float, float]) -> tuple[float, float]:
+    """Tool speed (m/s) and acceleration (m/s2) asked for between two shares of a leg."""
+    if leg.length_m == 0.0:
+        return math.inf, math.inf
+    assert isinstance(leg, Way)  # a direct leg has no length
+    speeds, accelerations = leg.contour.speeds(leg.between(u))
+    return float(speeds.min()), float(accelerations.min())
+
+
+def _room(leg: Leg, u: tuple[float, float], asked: tuple[float, float]) -> tuple[float, float]:
+    """What a bend leaves of the tool's speed and acceleration along the path."""
+    if not isinstance(leg, Way) or leg.length_m == 0.0:
+        return asked
+    s = leg.between(u)
+    turn = np.linalg.norm(np.diff(leg.contour.tangent(s), axis=0), axis=1)
+    bend = float((turn / np.diff(s)).max())
+    if bend < STRAIGHT_PER_M:
+        return asked
+    across = BEND_SHARE * asked[1]
+    return min(asked[0], math.sqrt(across / bend)), BEND_SHARE * asked[1]
+
+
 def _limits(
-    move: Move, leg: Leg, length_m: float, controller: tuple[float, float] | None
+    leg: Leg,
+    length_m: float,
+    asked: tuple[float, float],
+    controller: tuple[float, float] | None,
 ) -> Limits:
     """What tool, controller and joints allow in one block."""
     speed, floor, acceleration = float("inf"), 0.0, float("inf")
@@ -238,12 +218,17 @@ def _limits(
     if controller is not None:
         speed, acceleration = 1.0 / controller[0], 1.0 / controller[1]
     if length_m > 0.0:
-        wanted = move.speed.tcp_mm_s / 1000.0 / length_m
+        wanted = asked[0] / length_m
         speed, floor = min(speed, wanted), SLOWEST_SHARE * wanted
-        acceleration = min(acceleration, move.speed.tcp_mm_s2 / 1000.0 / length_m)
+        acceleration = min(acceleration, asked[1] / length_m)
     else:
-        # A share below LIMIT_SHARE leaves room already: it is not to be narrowed twice.
-        speeds = speeds * min(move.speed.joint_percent / 100.0 / LIMIT_SHARE, 1.0)
-        share = move.speed.joint_acceleration_percent / 100.0
-        accelerations = accelerations * min(share / LIMIT_SHARE, 1.0)
+        speeds, accelerations = shares_of(leg.move_at(0.0).speed, speeds, accelerations)
     return Limits(speed, floor, acceleration, speeds, accelerations)
+
+
+def shares_of(speed: Speed, speeds: Floats, accelerations: Floats) -> tuple[Floats, Floats]:
+    """Joint limits (9,) that a move leaves which is not driven along a path of the tool."""
+    # A share below LIMIT_SHARE leaves room already: it is not to be narrowed twice.
+    part = min(speed.joint_percent / 100.0 / LIMIT_SHARE, 1.0)
+    ramps = min(speed.joint_acceleration_percent / 100.0 / LIMIT_SHARE, 1.0)
+    return speeds * part, accelerations * ramps

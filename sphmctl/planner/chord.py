@@ -1,4 +1,4 @@
-"""Lines at equal steps, and how many stops they need.
+"""How many stops a way needs.
 
 Between two stops the controller drives a straight line of axis space, which is none of the tool's.
 """
@@ -12,80 +12,32 @@ from typing import TypeAlias
 import numpy as np
 
 from sphmctl.motion import Floats
-from sphmctl.planner.legs import NO_RANGES, Direct, Line, Setup
-from sphmctl.robots import sphm
+from sphmctl.planner.legs import Direct
+from sphmctl.planner.way import Way
 from sphmctl.robots.geometry import angle_between
 
 TOLERANCE_M = 0.0003
-"""Of the tool point against the line. The path's tolerance is 0.5 mm; the rest is for the wrist's
+"""Of the tool point against the path. The path's tolerance is 0.5 mm; the rest is for the wrist's
 lag and the servos' steps."""
 
 TURN_TOLERANCE_RAD = float(np.radians(0.5))
 """Of the tool's orientation, which nobody gave a tolerance for."""
 
 KNOT_LIMIT = 100
-"""Knots on one line; a line that needs more passes too close to a singularity to be meant."""
+"""Knots on a way, and one more for each millimetre: a way that needs more passes too close to a
+singularity to be meant."""
 
-POINTS = 720
-"""Steps on a line, at least, at whose ends it is examined. Knots stand there too: 2, 3, 4, 5, 6, 8,
-9 and 10 divide them."""
-
-SPACING_M = 0.0005
-"""Distance between the points on long lines."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A line at equal steps.
-
-    Attributes:
-        u: shares of the way, (n,).
-        joints: (n, 9).
-        pose: tool in the base, (n, 4, 4).
-    """
-
-    line: Line
-    u: Floats
-    joints: Floats
-    pose: Floats
-
-    @staticmethod
-    def of(line: Line) -> Curve:
-        """Examine a line; joints are NaN where it cannot be driven."""
-        u = np.linspace(0.0, 1.0, max(POINTS, int(line.length_m / SPACING_M)) + 1)
-        return Curve(line, u, *line.at(u))
-
-    @property
-    def length_m(self) -> float:
-        """How far the tool point goes."""
-        return self.line.length_m
-
-    @property
-    def setup(self) -> Setup:
-        """The robot."""
-        return self.line.setup
-
-    def at(self, u: Floats) -> tuple[Floats, Floats]:
-        """Joints (n, 9) and tool poses (n, 4, 4) at any u (n,): exact, on the curve's branch."""
-        near = np.stack([np.interp(u, self.u, column) for column in self.joints.T], axis=1)
-        pose, setup = self.line.pose(u), self.setup
-        joints = sphm.inverse_best(
-            setup.base @ pose, self.line.cranks(u), setup.tool, near, NO_RANGES, setup.mount_yaw
-        )
-        return joints, pose
-
-
-Leg: TypeAlias = Curve | Direct
+Leg: TypeAlias = Way | Direct
 
 
 @dataclass(frozen=True)
 class Split:
-    """A line cut into blocks of equal length.
+    """A way cut into blocks.
 
     Attributes:
-        edges: the points of the curve at which blocks begin and end, rising from 0.
-        error_m: largest distance of the tool point from the line.
-        turn_rad: largest difference from the line's orientation.
+        edges: the rows of the way at which blocks begin and end, rising from 0.
+        error_m: largest distance of the tool point from the path.
+        turn_rad: largest difference from the path's orientation.
     """
 
     edges: tuple[int, ...]
@@ -103,43 +55,105 @@ class Split:
         return max(self.error_m / TOLERANCE_M, self.turn_rad / TURN_TOLERANCE_RAD)
 
 
-def split(curve: Curve) -> Split | None:
-    """The line in as few equal blocks as the tolerances allow; None if KNOT_LIMIT are too few."""
-    found = _examine(curve, 1)
+def knot_limit(way: Way) -> int:
+    """How many knots a way may have."""
+    return KNOT_LIMIT + int(1000.0 * way.length_m)
+
+
+def split(way: Way) -> Split | None:
+    """The way in few blocks that keep the tolerances, with a stop at each mark; None: too many."""
+    last = len(way.s) - 1
+    if way.straight and all(row in (0, last) for _, row in way.marks):
+        return _equal(way)
+    return _greedy(way)
+
+
+def _equal(way: Way) -> Split | None:
+    """As few equal blocks as possible: the simplest to look at, and right for a line."""
+    found = _examine(way, 1)
     while found.excess > 1.0:
         # The error falls with the square of the count; the step stays short of that.
         count = max(found.count + 1, int(found.count * found.excess**0.5 * 0.9))
-        if count > KNOT_LIMIT:
+        if count > knot_limit(way):
             return None
-        found = _examine(curve, count)
+        found = _examine(way, count)
     while found.count > 1:
-        fewer = _examine(curve, found.count - 1)
+        fewer = _examine(way, found.count - 1)
         if fewer.excess > 1.0:
             break
         found = fewer
     return found
 
 
-def _examine(curve: Curve, count: int) -> Split:
-    """Drive the chords as the controller does, the cranks at the arm's progress, and measure."""
-    edges = tuple(round(i * (len(curve.u) - 1) / count) for i in range(count + 1))
-    chords = curve.joints.copy()
-    followed = curve.joints.copy()
-    for begin, end in pairwise(edges):
-        here = curve.joints[begin : end + 1]
-        chord = here[0] + np.linspace(0.0, 1.0, len(here))[:, None] * (here[-1] - here[0])
-        chords[begin : end + 1, :6] = followed[begin : end + 1, :6] = chord[:, :6]
-        followed[begin : end + 1, 6:] = _cranks_at_progress(here, chord)
-    error = turn = 0.0
-    for joints in (chords, followed):
-        reached = curve.line.setup.tool_pose(joints)
-        error = max(error, float(_beside(curve.line, reached[:, :3, 3]).max()))
-        turn = max(turn, float(angle_between(reached[:, :3, :3], curve.pose[:, :3, :3]).max()))
+def _greedy(way: Way) -> Split | None:
+    """Each block as long as it may be, from the begin on, where bends and straights alternate."""
+    last = len(way.s) - 1
+    targets = sorted({row for _, row in way.marks if row > 0} | {last})
+    edges, length, errors = [0], 16, [(0.0, 0.0)]
+    for target in targets:
+        while edges[-1] < target:
+            begin = edges[-1]
+            length = _longest(way, begin, target, length)
+            edges.append(begin + length)
+            errors.append(_chord_errors(way, begin, begin + length))
+            if len(edges) > knot_limit(way):
+                return None
+    error, turn = (float(worst) for worst in np.max(errors, axis=0))
+    return Split(tuple(edges), error, turn)
+
+
+def _longest(way: Way, begin: int, target: int, guess: int) -> int:
+    """The number of rows of the longest block from `begin` on that keeps the tolerances."""
+
+    def fits(count: int) -> bool:
+        error, turn = _chord_errors(way, begin, begin + count)
+        return error <= TOLERANCE_M and turn <= TURN_TOLERANCE_RAD
+
+    most = target - begin
+    good, bad = 1, most + 1
+    count = min(guess, most)
+    while bad - good > 1:
+        if fits(count):
+            good = count
+        else:
+            bad = count
+        count = min(2 * good, most) if bad > most else (good + bad) // 2
+        # A tenth more or less is not worth another look.
+        if bad - good <= max(1, good // 10):
+            break
+    return good
+
+
+def _examine(way: Way, count: int) -> Split:
+    """Equal blocks, driven as the controller does."""
+    edges = tuple(round(i * (len(way.s) - 1) / count) for i in range(count + 1))
+    errors = [_chord_errors(way, begin, end) for begin, end in pairwise(edges)]
+    error, turn = (float(worst) for worst in np.max(errors, axis=0))
     return Split(edges, error, turn)
 
 
+def _chord_errors(way: Way, begin: int, end: int) -> tuple[float, float]:
+    """Largest distance (m) and turn (rad) off the path on a straight line of axis space.
+
+    The cranks are driven at the arm's progress; also where the chord takes them at equal steps.
+    """
+    here = way.joints[begin : end + 1]
+    share = (way.s[begin : end + 1] - way.s[begin]) / (way.s[end] - way.s[begin])
+    chord = here[0] + share[:, None] * (here[-1] - here[0])
+    plain, followed = here.copy(), here.copy()
+    plain[:, :6] = followed[:, :6] = chord[:, :6]
+    followed[:, 6:] = _cranks_at_progress(here, chord)
+    reached = way.setup.tool_pose(np.concatenate([plain, followed]))
+    wanted = np.concatenate([way.pose[begin : end + 1]] * 2)
+    apart = reached[:, :3, 3] - wanted[:, :3, 3]
+    tangent = np.concatenate([way.contour.tangent(way.s[begin : end + 1])] * 2)
+    beside = apart - (apart * tangent).sum(axis=1)[:, None] * tangent
+    turn = angle_between(reached[:, :3, :3], wanted[:, :3, :3])
+    return float(np.linalg.norm(beside, axis=1).max()), float(turn.max())
+
+
 def _cranks_at_progress(here: Floats, chord: Floats) -> Floats:
-    """Cranks (n, 3) of the line where its leading axis stands as it does on the chord."""
+    """Cranks (n, 3) of the way where its leading axis stands as it does on the chord."""
     moved = np.abs(here[-1, :6] - here[0, :6])
     lead = int(np.argmax(moved))
     along = here[:, lead] * np.sign(here[-1, lead] - here[0, lead])
@@ -147,12 +161,3 @@ def _cranks_at_progress(here: Floats, chord: Floats) -> Floats:
         return here[:, 6:]
     wanted = chord[:, lead] * np.sign(here[-1, lead] - here[0, lead])
     return np.stack([np.interp(wanted, along, here[:, leg]) for leg in (6, 7, 8)], axis=1)
-
-
-def _beside(line: Line, points: Floats) -> Floats:
-    """Distances (n,) of points (n, 3) from the line's segment."""
-    way = line.end[:3, 3] - line.begin[:3, 3]
-    square = float(way @ way)
-    apart = points - line.begin[:3, 3]
-    share = np.clip(apart @ way / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
-    return np.asarray(np.linalg.norm(apart - share[:, None] * way, axis=1))

@@ -1,8 +1,4 @@
-"""Legs: what one move draws, as a function of the share u of the way (0 to 1); no time in it.
-
-A line keeps the tool on a straight line of the base frame with the cranks linear in arc length; a
-direct leg is a straight line of joint space.
-"""
+"""The robot as a path uses it, and straight lines of joint space."""
 
 from __future__ import annotations
 
@@ -12,9 +8,10 @@ import numpy as np
 
 from sphmctl.config import Cell
 from sphmctl.motion import Floats
-from sphmctl.pathfile import Path
+from sphmctl.pathfile import Move, Path
+from sphmctl.planner.places import place
 from sphmctl.robots import sphm
-from sphmctl.robots.geometry import angle_between, from_parts, invert
+from sphmctl.robots.geometry import angle_between, invert
 
 NO_RANGES: Floats = np.array([[-np.inf, np.inf]] * 9)
 """The way is sought without ranges, so that a refusal can say by how much it is beyond."""
@@ -56,63 +53,11 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class Line:
-    """A straight line of the tool.
-
-    Attributes:
-        begin: tool pose in the base, (4, 4).
-        end: tool pose in the base, (4, 4).
-        begin_joints: (9,); its cranks are those at the begin.
-        end_cranks: (3,).
-    """
-
-    setup: Setup
-    begin: Floats
-    end: Floats
-    begin_joints: Floats
-    end_cranks: Floats
-
-    @property
-    def length_m(self) -> float:
-        """How far the tool point goes."""
-        return float(np.linalg.norm(self.end[:3, 3] - self.begin[:3, 3]))
-
-    def cranks(self, u: Floats) -> Floats:
-        """Crank angles (n, 3) at u (n,)."""
-        begin = self.begin_joints[6:]
-        return np.asarray(begin + u[:, None] * (self.end_cranks - begin))
-
-    def pose(self, u: Floats) -> Floats:
-        """Tool poses in the base (n, 4, 4) at u (n,)."""
-        p = self.begin[:3, 3] + u[:, None] * (self.end[:3, 3] - self.begin[:3, 3])
-        return from_parts(turn_between(self.begin[:3, :3], self.end[:3, :3], u), p)
-
-    def at(self, u: Floats, before: Floats | None = None) -> tuple[Floats, Floats]:
-        """Joints (n, 9) and tool poses (n, 4, 4) at rising u (n,), ranges not applied.
-
-        Args:
-            before: joints (9,) just before the first u; None: those at the line's begin.
-
-        Returns:
-            NaN joints where there is no answer.
-        """
-        pose = self.pose(u)
-        joints = sphm.inverse_along(
-            self.setup.base @ pose,
-            self.cranks(u),
-            self.begin_joints if before is None else before,
-            self.setup.tool,
-            NO_RANGES,
-            self.setup.mount_yaw,
-        )
-        return joints, pose
-
-
-@dataclass(frozen=True)
 class Direct:
     """A straight line of joint space, all nine joints together."""
 
     setup: Setup
+    move: Move
     begin_joints: Floats
     end_joints: Floats
 
@@ -123,6 +68,14 @@ class Direct:
         joints = self.begin_joints + u[:, None] * (self.end_joints - self.begin_joints)
         joints[u >= 1.0] = self.end_joints
         return joints, self.setup.tool_pose(joints)
+
+    def move_at(self, u: float) -> Move:
+        """The move that draws it."""
+        return self.move
+
+    def where(self, u: float) -> str:
+        """The place at u in words."""
+        return place(self.move, u, 0.0)
 
 
 def turn_between(begin: Floats, end: Floats, u: Floats) -> Floats:

@@ -12,7 +12,7 @@ from sphmctl.errors import Problem
 from sphmctl.motion import JOINT_NAMES, Floats, Knot, NamedPoint
 from sphmctl.planner.blocks import Block
 from sphmctl.planner.legs import Setup
-from sphmctl.planner.places import RANGE_TOLERANCE_RAD, joint_problem, place
+from sphmctl.planner.places import RANGE_TOLERANCE_RAD, joint_problem
 
 GRID_S = 0.004
 """The arm controller's own step; the servos' cycle is longer."""
@@ -93,9 +93,9 @@ def named(blocks: list[Block], rows: Samples, start: str) -> tuple[NamedPoint, .
     """The named points in the order in which they are visited."""
     found = [NamedPoint(start, 0)] if start else []
     found += [
-        NamedPoint(block.move.point.name, end)
+        NamedPoint(block.name, end)
         for block, end in zip(blocks, rows.ends, strict=True)
-        if block.last and block.move.point is not None and block.move.point.name
+        if block.name
     ]
     return tuple(found)
 
@@ -105,7 +105,7 @@ def where(blocks: list[Block], rows: Samples, row: int) -> str:
     if not blocks:
         return "the start"
     block = blocks[int(rows.block[row])]
-    return place(block.move, float(rows.u[row]), block.leg.length_m if block.leg else 0.0)
+    return block.move.where if block.leg is None else block.leg.where(float(rows.u[row]))
 
 
 def rates(t: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -149,7 +149,7 @@ def _tool_problems(blocks: list[Block], rows: Samples, scale: float) -> list[Pro
         return []
     speed, acceleration = rates(rows.t, rows.tool[:, :3, 3])
     straight = np.array([b.leg is not None and b.leg.length_m > 0.0 for b in blocks])
-    allowed = np.array([(b.move.speed.tcp_mm_s, b.move.speed.tcp_mm_s2) for b in blocks])
+    allowed = 1000.0 * np.array([b.asked for b in blocks])
     found = []
     for index, (rate, unit) in enumerate(((speed, "mm/s"), (acceleration, "mm/s2"))):
         owner = rows.block[index + 1 :]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sphmctl.motion import Floats
+from sphmctl.planner.timelaw import TimeLaw
 
 SPEED_STEPS = 120
 """Speeds tried per block, from the highest down to SLOWEST_SHARE of it, 4 % apart."""
@@ -53,6 +54,30 @@ class Trapezoid:
     def scaled(self, share: float) -> Trapezoid:
         """The same progress, `share` times as fast."""
         return Trapezoid(self.speed * share, self.acceleration * share * share)
+
+
+@dataclass(frozen=True)
+class Slice:
+    """A piece of a time law along a whole path, as progress 0 to 1 of its own.
+
+    Attributes:
+        s: where on the law's path it begins and ends.
+        t: when.
+    """
+
+    law: TimeLaw
+    s: tuple[float, float]
+    t: tuple[float, float]
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes."""
+        return self.t[1] - self.t[0]
+
+    def progress(self, t_s: Floats) -> Floats:
+        """w at times since the slice's begin; 0 before and 1 after."""
+        along = self.law.s(self.t[0] + t_s)
+        return np.clip((along - self.s[0]) / (self.s[1] - self.s[0]), 0.0, 1.0)
 
 
 @dataclass(frozen=True)

@@ -77,12 +77,13 @@ class Caps:
     def of(bounds: Bounds, track: Track) -> Caps:
         """The bounds on each of the track's intervals, all of them to be used in full."""
         count = len(track.rows) - 1
-        tool = [
+        speed, acceleration = (
             np.broadcast_to(np.asarray(limit, dtype=np.float64), count)[track.given]
             for limit in (bounds.tool_speed, bounds.tool_acceleration)
-        ]
+        )
         full = np.ones(len(track.given))
-        return Caps(bounds.joint_speeds, bounds.joint_accelerations, *tool, full, full)
+        joints = bounds.joint_speeds, bounds.joint_accelerations
+        return Caps(joints[0], joints[1], speed, acceleration, full, full)
 
     def lowered(self, speed: Floats, acceleration: Floats) -> Caps:
         """The same with shares divided by these, (N,)."""
@@ -199,7 +200,7 @@ class _Lines:
 def _lines(track: Track, caps: Caps, part: slice) -> _Lines:
     """The limits of joints and tool in some intervals."""
     first, second = track.first[:, part], track.second[:, part]
-    moving = first.any(axis=(0, 1))
+    moving = np.asarray(first.any(axis=(0, 1)))
     use = np.flatnonzero(moving[:-3] & np.isfinite(caps.joint_accelerations))
     a, b = first[:, :, use], second[:, :, use]
     limit = np.broadcast_to(caps.joint_accelerations[use], a.shape[1:])

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import groupby
 
 import numpy as np
 
-from sphmctl.errors import InvalidError, Problem
+from sphmctl.errors import InfeasibleError, InvalidError, Problem
 from sphmctl.motion import JOINT_NAMES, Floats
-from sphmctl.pathfile import Move, Path, Point
-from sphmctl.planner.blocks import Draft, add_direct, add_line, add_rest
-from sphmctl.planner.legs import Direct, Line, Setup
+from sphmctl.pathfile import Move, Path, Point, Wrist
+from sphmctl.planner.blocks import Draft, add_direct, add_rest, add_way
+from sphmctl.planner.contour import Contour
+from sphmctl.planner.legs import Direct, Setup
+from sphmctl.planner.outline import contours
 from sphmctl.planner.places import range_problems
-from sphmctl.robots import sphm
+from sphmctl.planner.way import SAME_RAD, NoWay, Way, lay, on_the_spot, relocation
+from sphmctl.robots import rrs, sphm
 from sphmctl.robots.geometry import pose_matrix
 
 HOME: Floats = np.radians([0.0, -90.0, 90.0, 0.0, 90.0, 0.0, 60.0, 60.0, 60.0])
@@ -53,54 +57,78 @@ class Walker:
         assert first.point is not None  # a path begins with a ptp
         pose, _ = self._target(first, first.point)
         self.start = begin
-        self._arrive(first.point, begin, pose)
-        for move in moves:
-            self._move(move)
+        self._arrive(first.point.name, begin, pose)
+        for draws, run in groupby(moves, key=lambda move: move.draws):
+            if draws:
+                self._draw(tuple(run))
+                continue
+            for move in run:
+                self._move(move)
 
     def _move(self, move: Move) -> None:
         if move.point is None:
             add_rest(self.draft, move, self.scale)
             return
-        if move.kind == "lin" and self.joints is not None:
-            self._line(move, move.point, self.joints)
-            return
         pose, joints = self._target(move, move.point)
-        if move.kind == "ptp" and joints is not None and self.joints is not None:
-            add_direct(self.draft, move, Direct(self.setup, self.joints, joints), self.scale)
-        self._arrive(move.point, joints, pose)
+        if joints is not None and self.joints is not None:
+            add_direct(self.draft, Direct(self.setup, move, self.joints, joints), self.scale)
+        self._arrive(move.point.name, joints, pose)
 
-    def _line(self, move: Move, point: Point, begin: Floats) -> None:
-        """Lay a line from joints (9,) to a point."""
-        assert self.pose is not None  # it comes with the joints
-        wanted: Floats | None = None
-        if point.pose is None or move.wrist.policy == "auto":
-            pose, wanted = self._target(move, point)
-            if wanted is None:
-                self._arrive(point, None, pose)
-                return
-            cranks = wanted[6:]
-        else:
-            pose, cranks = _pose(point), self._cranks(move, point)
-        leg = Line(self.setup, self.pose, pose, begin, cranks)
-        title = f"{self.name or 'here'} to {point.name or 'there'} (move {move.number})"
-        reached = add_line(self.draft, move, leg, title, self.scale)
-        if reached is None:
-            wanted = self._quietly(move, point, pose) if wanted is None else wanted
-            self._arrive(point, wanted, pose)
+    def _draw(self, run: tuple[Move, ...]) -> None:
+        """Follow consecutive moves along a path of the tool."""
+        assert self.pose is not None  # a path begins with a ptp
+        cranks = None if self.joints is None else self.joints[6:]
+        try:
+            found = contours(self.path.file, run, self.pose, self.setup.tool_pose, cranks)
+        except InfeasibleError as problem:
+            self.draft.problems += problem.problems
+            self._arrive("", None, self.pose)
             return
-        if point.joints_deg is not None and wanted is not None:
-            joint = int(np.abs(reached - wanted).argmax())
-            if np.abs(reached - wanted)[joint] > ARRIVAL_RAD:
-                self.draft.problems.append(_other_branch(move, joint, reached, wanted))
-                reached = wanted
-        self._arrive(point, reached, pose)
+        for contour in found:
+            self._follow(contour)
+        last = run[-1]
+        if last.point is not None and last.point.joints_deg is not None:
+            self._check_arrival(last, np.radians(last.point.joints_deg))
 
-    def _quietly(self, move: Move, point: Point, pose: Floats) -> Floats | None:
-        """Joints to go on from after a line that failed and has been told of."""
-        told = len(self.draft.problems)
-        answers = self.answers(move, point, pose)
-        del self.draft.problems[told:]
-        return answers[0] if len(answers) else None
+    def _follow(self, contour: Contour) -> None:
+        """Follow one contour, the wrist led to where it has to begin first."""
+        setup, name = self.setup, contour.marks[-1][0] if contour.marks else ""
+        if self.joints is not None:
+            spot = relocation(contour, setup, self.joints)
+            if spot is not None:
+                self._lay(spot, "")
+        if self.joints is not None and contour.policy in ("level", "tilt"):
+            free = lay(contour, setup, None)
+            if (
+                isinstance(free, Way)
+                and np.abs(free.begin_cranks - self.joints[6:]).max() > SAME_RAD
+            ):
+                self._lay(on_the_spot(contour, self.joints[6:], free.begin_cranks), "")
+        self._lay(contour, name)
+
+    def _lay(self, contour: Contour, name: str) -> None:
+        way = lay(contour, self.setup, self.joints)
+        if isinstance(way, NoWay):
+            self.draft.problems += way.problems
+            self._arrive(name, None, contour.end)
+            return
+        add_way(self.draft, way, self._title(contour, name), self.scale)
+        self._arrive(name, way.joints[-1], contour.end)
+
+    def _title(self, contour: Contour, name: str) -> str:
+        """`A to B (move 2)`, or `here to there (moves 2 to 5)`."""
+        first, last = contour.place(0.0)[0], contour.place(contour.length_m)[0]
+        moves = f"move {first}" if first == last else f"moves {first} to {last}"
+        return f"{self.name or 'here'} to {name or 'there'} ({moves})"
+
+    def _check_arrival(self, move: Move, wanted: Floats) -> None:
+        """A way to nine given joints may arrive on another branch."""
+        if self.joints is None:
+            return
+        joint = int(np.abs(self.joints - wanted).argmax())
+        if np.abs(self.joints - wanted)[joint] > ARRIVAL_RAD:
+            self.draft.problems.append(_other_branch(move, joint, self.joints, wanted))
+            self.joints = self.near = wanted
 
     def _target(self, move: Move, point: Point) -> tuple[Floats, Floats | None]:
         """The tool pose in the base, and the joints nearest to where we are, of a move's point."""
@@ -133,6 +161,8 @@ class Walker:
 
     def _cranks(self, move: Move, point: Point) -> Floats:
         given = point.cranks_deg
+        if move.wrist.heave_mm is not None:
+            return self._posed(move.wrist)
         if move.wrist.policy == "fixed":
             if move.wrist.cranks_deg is not None:
                 given = move.wrist.cranks_deg
@@ -140,16 +170,25 @@ class Walker:
                 return self.joints[6:]
             elif self.start is not None:
                 return self.near[6:]
+        if given is None and move.wrist.policy in ("level", "tilt"):
+            return np.full(3, self.near[6:].mean())
         if given is None:
             raise InvalidError(
-                f"{move.title}: the wrist policy 'fixed' needs 'cranks_deg', in the policy or "
-                "at the first point",
+                f"{move.title}: the wrist policy '{move.wrist.policy}' needs 'cranks_deg', in the "
+                "policy or at the first point",
                 f"{self.path.file}, line {move.line}",
             )
         return np.radians(given)
 
-    def _arrive(self, point: Point, joints: Floats | None, pose: Floats) -> None:
-        self.joints, self.pose, self.name = joints, pose, point.name
+    def _posed(self, wrist: Wrist) -> Floats:
+        """Crank angles (3,) of heave, tilt and direction at a move's end."""
+        assert wrist.heave_mm is not None  # or there is no pose
+        direction = np.radians(wrist.tilt_towards_deg + 360.0 * wrist.tilt_turns)
+        cranks = rrs.inverse(direction, np.radians(wrist.tilt_deg[1]), wrist.heave_mm[1] / 1000.0)
+        return np.asarray(np.clip(cranks, *self.setup.ranges[6:].T))
+
+    def _arrive(self, name: str, joints: Floats | None, pose: Floats) -> None:
+        self.joints, self.pose, self.name = joints, pose, name
         if joints is not None:
             self.near = joints
 

@@ -1,0 +1,219 @@
+"""Ways: contours with all nine joints, by share u of the way (0 to 1); no time in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sphmctl.errors import Problem
+from sphmctl.motion import Floats
+from sphmctl.pathfile import Move
+from sphmctl.planner.contour import Contour, Span, WristGoal
+from sphmctl.planner.legs import NO_RANGES, Setup
+from sphmctl.planner.places import place
+from sphmctl.planner.policies import Auto, Cranks, Level, Motion, Policy, Tilt, Unresolved
+from sphmctl.planner.redundancy import resolve
+from sphmctl.planner.shapes import Shape, Spot
+from sphmctl.planner.spline import Track
+from sphmctl.planner.turning import Between
+from sphmctl.robots import rrs, sphm
+
+POINTS = 720
+"""Steps on a way, at least, at whose ends it is examined. Knots stand there too: 2, 3, 4, 5, 6, 8,
+9 and 10 divide them."""
+
+SPACING_M = 0.0005
+"""Distance between the points on long ways."""
+
+TINY_M = 1e-9
+"""Arc lengths that differ less are one: rounding."""
+
+SAME_RAD = 1e-9
+"""Cranks that differ less are the same: rounding."""
+
+SPOT_M_RAD = 0.1
+"""Nominal length of a wrist's motion on the spot, per radian."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A contour that the robot can follow, at rows that begin at 0 and end at its length.
+
+    Attributes:
+        s: arc lengths of the rows, m, (n,).
+        joints: rad, (n, 9).
+        pose: tool in the base, m, (n, 4, 4).
+        begin_cranks: cranks (3,) from which the path's own go on.
+    """
+
+    setup: Setup
+    contour: Contour
+    s: Floats
+    joints: Floats
+    pose: Floats
+    begin_cranks: Floats
+
+    @property
+    def length_m(self) -> float:
+        """How far the tool point goes."""
+        return 0.0 if self.contour.still else self.contour.length_m
+
+    @property
+    def u(self) -> Floats:
+        """Shares of the way, (n,)."""
+        return np.asarray(self.s / self.s[-1])
+
+    @property
+    def straight(self) -> bool:
+        """Whether the rows stand at equal steps of one piece."""
+        return len(self.contour.edges_m) == 2 and bool(np.ptp(np.diff(self.s)) < 1e-9)
+
+    @property
+    def marks(self) -> tuple[tuple[str, int], ...]:
+        """Names of points and the rows nearest to them."""
+        return tuple(
+            (name, int(np.abs(self.s - s).argmin())) for name, s in self.contour.marks if name
+        )
+
+    @property
+    def kinks(self) -> Floats:
+        """Arc lengths at which second derivatives may jump, (k,)."""
+        wrist = self.contour.wrist
+        return (
+            self.contour.edges_m if wrist is None else np.union1d(self.contour.edges_m, wrist.s_m)
+        )
+
+    def between(self, u: tuple[float, float]) -> Floats:
+        """Arc lengths of the rows from one share of the way to another, both included."""
+        begin, end = (share * float(self.s[-1]) for share in u)
+        first, last = np.searchsorted(self.s, [begin, end])
+        inner = self.s[first:last]
+        inner = inner[(inner > begin + TINY_M) & (inner < end - TINY_M)]
+        return np.concatenate([[begin], inner, [end]])
+
+    def at(self, u: Floats) -> tuple[Floats, Floats]:
+        """Joints (n, 9) and tool poses (n, 4, 4) at any u (n,): exact, on the way's branch."""
+        s = u * self.s[-1]
+        near = np.stack([np.interp(s, self.s, column) for column in self.joints.T], axis=1)
+        cranks = _cranks(self.contour.wrist_at(s, self.begin_cranks), self.setup)
+        if cranks is None:
+            cranks = _smooth(s, self.s, self.joints[:, 6:])
+        pose, setup = self.contour.pose(s), self.setup
+        joints = sphm.inverse_best(
+            setup.base @ pose, cranks, setup.tool, near, NO_RANGES, setup.mount_yaw
+        )
+        return joints, pose
+
+    def move_at(self, u: float) -> Move:
+        """The move that draws it there."""
+        return self.contour.move_at(u * float(self.s[-1]))[0]
+
+    def where(self, u: float) -> str:
+        """The place at u in words."""
+        return where(self.contour, u * float(self.s[-1]))
+
+
+@dataclass(frozen=True)
+class NoWay:
+    """Why a contour cannot be followed."""
+
+    problems: tuple[Problem, ...]
+
+
+def where(contour: Contour, s: float) -> str:
+    """The place at an arc length in words."""
+    move, along = contour.move_at(s)
+    return move.where if contour.still else place(move, 1.0, along) if along else move.where
+
+
+def lay(
+    contour: Contour, setup: Setup, begin: Floats | None, end: Floats | None = None
+) -> Way | NoWay:
+    """Follow a contour with all nine joints.
+
+    Args:
+        begin: joints (9,) at its begin; None lets them be chosen.
+        end: joints (9,) that it has to arrive with, where its wrist policy leaves a choice.
+    """
+    s = contour.grid(min(SPACING_M, contour.length_m / POINTS))
+    pose = contour.pose(s)
+    goal = contour.wrist_at(s, None if begin is None else begin[6:])
+    outcome = resolve(setup.base @ pose, s, _policy(goal), setup, begin, end)
+    if isinstance(outcome, Unresolved):
+        told = [
+            replace(reason.problem, where=where(contour, float(s[reason.row])))
+            for reason in outcome.reasons
+        ]
+        return NoWay(tuple(told))
+    return Way(setup, contour, s, outcome.joints, pose, outcome.joints[0, 6:])
+
+
+def relocation(contour: Contour, setup: Setup, begin: Floats) -> Contour | None:
+    """The wrist's motion on the spot that must come before a contour; None when it stands right.
+
+    Args:
+        begin: joints (9,) before it.
+    """
+    first = np.zeros(1)
+    cranks = _cranks(contour.wrist_at(first, begin[6:]), setup)
+    if cranks is None or np.abs(cranks[0] - begin[6:]).max() < SAME_RAD:
+        return None
+    return on_the_spot(contour, begin[6:], cranks[0])
+
+
+def on_the_spot(contour: Contour, begin: Floats, end: Floats) -> Contour:
+    """The cranks from (3,) to (3,) while the tool stands at a contour's begin."""
+    move, along = contour.move_at(0.0)
+    length = SPOT_M_RAD * float(np.abs(end - begin).max())
+    pose = contour.pose(np.zeros(1))[0]
+    R = pose[:3, :3]
+    shape = Shape(Spot(pose[:3, 3], length), Between(R, R, length))
+    span = Span(shape, 0.0, length, (move,), (along, along))
+    values = np.column_stack([np.stack([begin, end]), np.zeros(2)])
+    track = Track.monotone(np.array([0.0, length]), values)
+    return Contour((span,), "cranks", track, True)
+
+
+def _policy(goal: WristGoal) -> Policy:
+    match goal.policy:
+        case "level":
+            return Level(goal.heave_m)
+        case "tilt":
+            return Tilt()
+        case "auto":
+            return Auto()
+    if goal.cranks_rad is not None:
+        return Cranks(goal.cranks_rad)
+    assert goal.heave_m is not None  # "motion" has all three
+    assert goal.tilt_rad is not None
+    assert goal.direction_rad is not None
+    return Motion(goal.heave_m, goal.tilt_rad, goal.direction_rad)
+
+
+def _cranks(goal: WristGoal, setup: Setup) -> Floats | None:
+    """Crank angles (n, 3) that a goal names; None where they are chosen."""
+    if goal.cranks_rad is not None:
+        return goal.cranks_rad
+    if goal.heave_m is None:
+        return None
+    level = np.zeros(len(goal.heave_m))
+    direction = level if goal.direction_rad is None else goal.direction_rad
+    tilt = level if goal.tilt_rad is None else goal.tilt_rad
+    cranks = rrs.inverse(direction, tilt, goal.heave_m)
+    return np.asarray(np.clip(cranks, *setup.ranges[6:].T))
+
+
+def _smooth(s: Floats, rows: Floats, values: Floats) -> Floats:
+    """Values (m, 3) at s (m,) between rows (n,) of values (n, 3): cubic, with their slopes."""
+    if len(rows) < 3:
+        return np.stack([np.interp(s, rows, column) for column in values.T], axis=1)
+    slopes = np.gradient(values, rows, axis=0, edge_order=2)
+    i = np.clip(np.searchsorted(rows, s, "right") - 1, 0, len(rows) - 2)
+    step = (rows[i + 1] - rows[i])[:, None]
+    x = (s - rows[i])[:, None] / step
+    left, right = values[i], values[i + 1]
+    swing = slopes[i] * step, slopes[i + 1] * step
+    change = right - left
+    curve = (1.0 - x) * (swing[0] - change) - x * (swing[1] - change)
+    return np.asarray(left + x * change + x * (1.0 - x) * curve)
