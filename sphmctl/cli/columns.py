@@ -95,10 +95,10 @@ class Columns:
         writer.writerow(header)
         rounded = np.round(values, DECIMALS) + 0.0  # + 0.0 turns -0.0 into 0.0
         text, gaps = ",".join(["%.12g"] * len(names)), [""] * len(names)
-        lost: list[bool] = np.isnan(rounded).any(axis=1).tolist()
+        lost = np.isnan(rounded[:, 0])
         added = at == list(range(len(self.header), len(header)))
         room = [""] * (len(header) - len(self.header))
-        for fields, numbers, gap in zip(self.rows, rounded.tolist(), lost, strict=True):
+        for fields, numbers, gap in zip(self.rows, rounded.tolist(), lost.tolist(), strict=True):
             line = ",".join(fields)
             if added and not gap and _is_plain(line, len(fields)):
                 stream.write(f"{line},{text % tuple(numbers)}\n")

@@ -31,6 +31,18 @@ MEASURED_TOLERANCE_DEG = 0.15
 SLOW_ROWS = 100
 """From so many rows on, searching the wrist pose takes more than some seconds, and we say so."""
 
+FEW_ROWS = 1000
+"""So many rows of a long path tell on which of the arm's branches to begin."""
+
+SMOOTH_RAD = 0.35
+"""A joint that moves further (20 degrees) from row to row has changed branch, as in a plan."""
+
+APART_M, APART_RAD = 0.05, 0.35
+"""Poses further apart (50 mm, 20 degrees) are no neighbours on a path."""
+
+MOST_APART = 1000
+"""With more such rows a file is no path: following it would take milliseconds for each of them."""
+
 JSON_DECIMALS = 12
 """120 degrees by way of radians is not exactly 120; what is cut is far below any accuracy."""
 
@@ -167,9 +179,7 @@ def inverse_file(robot: Robot, free: Free, source: Path, out: Path) -> dict[str,
 def _along(robot: Robot, free: Free, T: Floats) -> Floats:
     """Joints (n, 9) along poses (n, 4, 4), each row near to the one before; NaN without answer."""
     if free.cranks is not None:
-        return sphm.inverse_along(
-            T, free.cranks, free.near, robot.tool, robot.ranges, robot.mount_yaw
-        )
+        return _followed(robot, free.cranks, free.near, T)
     if len(T) >= SLOW_ROWS:
         say(f"searching the wrist pose of {len(T)} rows; --wrist T7,T8,T9 would be faster")
     out, near = np.full((len(T), 9), np.nan), free.near
@@ -177,6 +187,29 @@ def _along(robot: Robot, free: Free, T: Floats) -> Floats:
         out[row] = sphm.auto(T[row], robot.tool, near, robot.ranges, robot.mount_yaw)
         near = near if np.isnan(out[row, 0]) else out[row]
     return out
+
+
+def _followed(robot: Robot, cranks: Floats, near: Floats | None, T: Floats) -> Floats:
+    """The same with a fixed wrist: along a path, or from pose to pose where it is none."""
+    setup = (robot.tool, robot.ranges, robot.mount_yaw)
+    if _count_apart(T) > MOST_APART:
+        return sphm.inverse_apart(T, cranks, near, *setup)
+    if near is None and len(T) > 2 * FEW_ROWS:
+        # A few rows tell where to begin; if that leads through all rows, no other begin is tried.
+        few = sphm.inverse_along(T[:: len(T) // FEW_ROWS], cranks, None, *setup)
+        joints = sphm.inverse_along(T, cranks, few[0], *setup)
+        with np.errstate(invalid="ignore"):
+            smooth = np.abs(np.diff(joints, axis=0)).max() < SMOOTH_RAD  # NaN is not
+        if smooth:
+            return joints
+    return sphm.inverse_along(T, cranks, near, *setup)
+
+
+def _count_apart(T: Floats) -> int:
+    """How many poses lie too far from the one before to go on from it."""
+    moved = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1) > APART_M
+    cosine = ((T[1:, :3, :3] * T[:-1, :3, :3]).sum(axis=(1, 2)) - 1.0) / 2.0
+    return int((moved | (cosine < np.cos(APART_RAD))).sum())
 
 
 def _reason(robot: Robot, free: Free, T: Floats) -> str:

@@ -6,6 +6,7 @@ three are free in the inverse: the caller fixes them, or `auto` chooses them.
 """
 
 from sphmctl.robots.sphm.along import branches_along, inverse_along
+from sphmctl.robots.sphm.apart import inverse_apart
 from sphmctl.robots.sphm.chain import (
     MAX_ACCELERATION9,
     MAX_SPEED9,
@@ -29,6 +30,7 @@ __all__ = [
     "forward",
     "inverse",
     "inverse_along",
+    "inverse_apart",
     "inverse_best",
     "margin_of",
     "platform_in_flange",
