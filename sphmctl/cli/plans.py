@@ -12,6 +12,14 @@ from sphmctl.errors import InvalidError
 
 INFEASIBLE_EXIT = 4
 
+TimingOption = Annotated[
+    str,
+    typer.Option(
+        help="stops: as the arm's controller drives, from knot to knot. optimal: as fast as joints "
+        "and tool allow, jerk bounded, which no exact stop lets it drive yet.",
+    ),
+]
+
 PathArgument = Annotated[Path, typer.Argument(metavar="PATH", help="The path file.")]
 SpeedOption = Annotated[
     float | None,
@@ -61,6 +69,7 @@ def plan(
         Path | None,
         typer.Option(metavar="FILE.html", help="Write a page that shows the robot moving in 3D."),
     ] = None,
+    timing: TimingOption = "stops",
     speed: SpeedOption = None,
     cell: CellOption = None,
     as_json: JsonOption = False,
@@ -79,12 +88,15 @@ def plan(
     from contextlib import ExitStack
 
     from sphmctl import pictures, planner
+    from sphmctl.errors import UsageError
     from sphmctl.pathfile import load_path
 
     files = {"out": out, "plot": plot, "view": view}
     given = [file.resolve() for file in files.values() if file]
     if not given or len(set(given)) < len(given):
         raise InvalidError("give --out, --plot or --view, each with its own file", "command line")
+    if timing not in planner.TIMINGS:
+        raise UsageError(f"{timing!r}: give {' or '.join(planner.TIMINGS)}", "--timing")
     chosen = cell_of(cell)
     percent = chosen.plan_speed_percent if speed is None else speed
     wanted = load_path(path)
@@ -93,20 +105,22 @@ def plan(
         streams = {
             kind: opened.enter_context(whole_file(file)) for kind, file in files.items() if file
         }
-        made = planner.plan(wanted, chosen, percent / 100.0)
+        outcome = planner.outcome(wanted, chosen, percent / 100.0, timing)
+        made, binding = outcome.plan, outcome.binding
         if "out" in streams:
             streams["out"].write(planner.plan_csv(made))
         if "plot" in streams:
-            streams["plot"].write(pictures.plot(made, limits))
+            streams["plot"].write(pictures.plot(made, limits, binding))
         if "view" in streams:
             around = chosen.obstacle_bodies
-            page = pictures.view(made, limits, chosen.mount_yaw_rad, obstacles=around)
+            page = pictures.view(made, limits, chosen.mount_yaw_rad, binding, around)
             streams["view"].write(page)
     document = {
         "name": made.name,
         **{kind: str(file) if file else None for kind, file in files.items()},
         "duration_s": made.duration_s,
         "speed_percent": percent,
+        "timing": timing,
         "rows": len(made.t),
         "knots": len(made.knots),
         "points": [
@@ -145,6 +159,10 @@ def _show_report(document: dict[str, Any]) -> None:
             f"{100.0 * margin['acceleration_share']:.1f}",
         )
     console.print(table)
+    for near in document["closeness"]:
+        least = "at least " if near["beyond"] else ""
+        print(f"{near['name']}: {least}{near['value']:.4g} {near['unit']}, {near['where']}")
+    print(f"the arm stops {document['knots']} times; without stops: {document['without_stops']}")
     print(f"feasible: {document['duration_s']:.2f} s")
 
 

@@ -143,7 +143,9 @@ class _Strip:
             move = legs[0].move_at(0.0)
             speeds, accelerations = shares_of(move.speed, speeds, accelerations)
         begins, stops, edges, asked = [0.0], [], [], []
-        s, joints, tool = [np.zeros(1)], [], []
+        s: list[Floats] = [np.zeros(1)]
+        joints: list[Floats] = []
+        tool: list[Floats] = []
         count = 0
         for leg in legs:
             if isinstance(leg, Direct):
@@ -166,8 +168,8 @@ class _Strip:
             count += len(rows) - 1
         limits = np.hstack(asked) if asked else (np.inf, np.inf)
         bounds = Bounds(speeds, accelerations, limits[0], limits[1])
-        every = (np.concatenate(part) for part in (s, joints, tool))
-        return _Strip(legs, begins[:-1], *every, bounds, edges, stops)
+        along, q, points = (np.concatenate(part) for part in (s, joints, tool))
+        return _Strip(legs, begins[:-1], along, q, points, bounds, edges, stops)
 
     def solve(self, filter_s: float) -> TimeLaw | Problem:
         law = time_law(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
 
 from sphmctl.config import Cell
 from sphmctl.errors import InfeasibleError, InvalidError, Problem
@@ -11,13 +10,15 @@ from sphmctl.motion import Plan
 from sphmctl.pathfile import Path
 from sphmctl.planner.blocks import Block
 from sphmctl.planner.checks import Margin, Surroundings, examine
-from sphmctl.planner.ideal import Ideal, ideal
+from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
 from sphmctl.planner.sampling import Samples, knots, named, sample, verify, where
 from sphmctl.planner.timelaw import FILTER_S
 from sphmctl.planner.walk import walk
 
-Timing: TypeAlias = Literal["stops", "optimal"]
+TIMINGS = ("stops", "optimal")
+"""As the arm's controller drives it, from knot to knot; or as fast as joints and tool allow with
+the jerk bounded, which is what a drive without stops would do."""
 
 PROBLEM_LIMIT = 20
 """Problems that are told; after these the reader mends and asks again."""
@@ -30,54 +31,73 @@ SPEED_LIMIT = 1.5
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What planning gave.
+class Made:
+    """A plan and what was learnt on the way to it.
 
     Attributes:
-        plan, rows: None when there are problems.
+        rows: the plan's rows, with their blocks.
         margins: how near the path comes to bodies, singular poses and the servos' load.
-        binding: what binds at each row, one of `timelaw.LABELS`; None for the controller's timing.
+        driven_s: what the arm's controller takes, which stops at every knot.
+        optimum: the quickest law in words; "" where it was not asked for.
+        binding: what rules each row, one of `timelaw.LABELS`; None for the controller's timing.
     """
+
+    plan: Plan
+    rows: Samples
+    margins: tuple[Margin, ...]
+    driven_s: float
+    optimum: str
+    binding: tuple[str, ...] | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What planning gave: a plan, or the problems that are in its way."""
 
     setup: Setup
     blocks: list[Block]
     problems: tuple[Problem, ...]
-    plan: Plan | None
-    rows: Samples | None
-    margins: tuple[Margin, ...] = ()
-    binding: tuple[str, ...] | None = None
+    made: Made | None
 
 
-def plan(path: Path, cell: Cell, speed: float = 1.0, timing: Timing = "stops") -> Plan:
+def plan(path: Path, cell: Cell, speed: float = 1.0, timing: str = "stops") -> Plan:
     """Time-stamped joints and arm knots for a path, all checked against every limit.
 
     Args:
         speed: share of the path's own speed: the same path, `1 / speed` times as long.
-        timing: "stops" as the arm's controller drives it, from knot to knot; "optimal" as fast as
-            joints and tool allow, with the jerk bounded: what a continuous drive would do.
+        timing: one of TIMINGS.
 
     Raises:
         InfeasibleError: with all problems found, each with place, joint, value and limit.
         InvalidError: the cell has no such tool or frame, or the speed is not a share.
     """
-    outcome = draw_up(path, cell, speed, timing)
-    if outcome.plan is None:
-        first, *more = outcome.problems
+    return outcome(path, cell, speed, timing).plan
+
+
+def outcome(path: Path, cell: Cell, speed: float = 1.0, timing: str = "stops") -> Made:
+    """A plan and what was learnt on the way to it; raises as `plan` does."""
+    drawn = draw_up(path, cell, speed, timing)
+    if drawn.made is None:
+        first, *more = drawn.problems
         also = f" (and {len(more)} more problems)" if len(more) > 1 else ""
         also = " (and one more problem)" if len(more) == 1 else also
         place = f"{path.file}, {first.where}" if first.where else path.file
-        raise InfeasibleError(first.message + also, place, outcome.problems)
-    return outcome.plan
+        raise InfeasibleError(first.message + also, place, drawn.problems)
+    return drawn.made
 
 
 def draw_up(
     path: Path,
     cell: Cell,
     speed: float = 1.0,
-    timing: Timing = "stops",
+    timing: str = "stops",
     filter_s: float = FILTER_S,
 ) -> Outcome:
-    """As `plan`, but problems are part of the answer."""
+    """As `outcome`, but problems are part of the answer.
+
+    Args:
+        filter_s: what bounds the jerk of the optimal timing; 0 leaves it free.
+    """
     if not 0.001 <= speed <= SPEED_LIMIT:
         raise InvalidError(
             f"speed {speed * 100:g} % is out of range; give 0.1 to {SPEED_LIMIT:.0%}"
@@ -86,48 +106,59 @@ def draw_up(
     walker = walk(path, setup, speed)
     draft = walker.draft
     if draft.problems or walker.start is None:
-        return Outcome(setup, draft.blocks, _told(draft.problems), None, None)
-    blocks, notes = draft.blocks, list(draft.notes)
-    driven_s = sum(block.duration_s for block in blocks)
-    fast: Ideal | None = None
+        return Outcome(setup, draft.blocks, _told(draft.problems), None)
+    blocks, fast = draft.blocks, None
     if timing == "optimal":
         answer = ideal(blocks, speed, filter_s)
         if isinstance(answer, Problem):
-            return Outcome(setup, blocks, (answer,), None, None)
+            return Outcome(setup, blocks, (answer,), None)
         fast, blocks = answer, answer.blocks
-        notes.append(answer.summary())
-    duration_s = sum(block.duration_s for block in blocks)
+    duration_s = _duration_s(blocks)
     if duration_s > DURATION_LIMIT_S:
         message = (
             f"the plan would last {duration_s:.0f} s; at most {DURATION_LIMIT_S:.0f} s is allowed"
         )
         problem = Problem("", "", duration_s, DURATION_LIMIT_S, message)
-        return Outcome(setup, blocks, (problem,), None, None)
+        return Outcome(setup, blocks, (problem,), None)
     rows = sample(blocks, setup, walker.start)
-    problems = verify(blocks, rows, setup, speed)
     found = examine(rows.joints, Surroundings.of(cell, setup.tool))
-    for row in found.problems:
-        problems.append(replace(row.problem, where=where(blocks, rows, row.row)))
+    near = [replace(p.problem, where=where(blocks, rows, p.row)) for p in found.problems]
+    problems = verify(blocks, rows, setup, speed) + near
     if problems:
-        return Outcome(setup, blocks, _told(problems), None, None)
-    first = path.moves[0].point
-    stops = knots(blocks, rows)
-    summary = f"{len(stops)} knots in all, each an exact stop of the arm"
+        return Outcome(setup, blocks, _told(problems), None)
+    driven_s = _duration_s(draft.blocks)
+    notes = [
+        *draft.notes,
+        f"{len(knots(blocks, rows))} knots in all, each an exact stop of the arm",
+    ]
+    binding = None
     if fast is not None:
-        summary += f": {driven_s:.2f} s as its controller drives"
-    made = Plan(
+        notes.append(f"without stops {fast.summary()}; as its controller drives {driven_s:.2f} s")
+        binding = tuple(fast.binding(rows.t))
+    made = _made(path, setup, blocks, rows, tuple(notes))
+    optimum = "" if fast is None else fast.summary()
+    return Outcome(setup, blocks, (), Made(made, rows, found.margins, driven_s, optimum, binding))
+
+
+def _duration_s(blocks: list[Block]) -> float:
+    return sum(block.duration_s for block in blocks)
+
+
+def _made(
+    path: Path, setup: Setup, blocks: list[Block], rows: Samples, notes: tuple[str, ...]
+) -> Plan:
+    first = path.moves[0].point
+    return Plan(
         name=path.name,
         t=rows.t,
         joints=rows.joints,
         tool=rows.tool,
-        knots=stops,
+        knots=knots(blocks, rows),
         points=named(blocks, rows, first.name if first else ""),
-        notes=(*notes, summary),
+        notes=notes,
         tool_on_platform=setup.tool,
         base_in_world=setup.base,
     )
-    binding = None if fast is None else tuple(fast.binding(rows.t))
-    return Outcome(setup, blocks, (), made, rows, found.margins, binding)
 
 
 def _setup(path: Path, cell: Cell) -> Setup:

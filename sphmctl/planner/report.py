@@ -10,8 +10,10 @@ from sphmctl.config import Cell
 from sphmctl.errors import Problem
 from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.pathfile import Path
+from sphmctl.planner.ideal import ideal
 from sphmctl.planner.plan import Outcome, draw_up
 from sphmctl.planner.sampling import Samples, rates, where
+from sphmctl.planner.timelaw import FILTER_S
 
 
 @dataclass(frozen=True)
@@ -33,26 +35,55 @@ class Margin:
 
 
 @dataclass(frozen=True)
+class Closeness:
+    """The smallest margin (or largest load) of one kind, and where; see `checks.Margin`."""
+
+    name: str
+    value: float
+    unit: str
+    where: str
+    beyond: bool
+
+
+@dataclass(frozen=True)
 class CheckReport:
     """The verdict on a path.
 
     Attributes:
         duration_s: None when it is not feasible.
-        margins: of the nine joints; empty when it is not feasible.
+        margins: of the nine joints, as the controller drives; empty when it is not feasible.
+        closeness: to bodies, singular poses and the servos' load.
+        without_stops: how long a drive without stops would take, and what rules it.
     """
 
     feasible: bool
     duration_s: float | None
     problems: tuple[Problem, ...]
     margins: tuple[Margin, ...]
+    closeness: tuple[Closeness, ...] = ()
+    knots: int | None = None
+    without_stops: str = ""
 
 
 def check(path: Path, cell: Cell, speed: float = 1.0) -> CheckReport:
     """Plan a path and tell the verdict. Raises InvalidError as `plan` does."""
     outcome = draw_up(path, cell, speed)
-    if outcome.plan is None or outcome.rows is None:
+    made = outcome.made
+    if made is None:
         return CheckReport(False, None, outcome.problems, ())
-    return CheckReport(True, outcome.plan.duration_s, (), _margins(outcome, outcome.rows))
+    fast = ideal(outcome.blocks, speed, FILTER_S)
+    return CheckReport(
+        True,
+        made.driven_s,
+        (),
+        _margins(outcome, made.rows),
+        tuple(
+            Closeness(m.name, m.value, m.unit, where(outcome.blocks, made.rows, m.row), m.beyond)
+            for m in made.margins
+        ),
+        len(made.plan.knots),
+        fast.message if isinstance(fast, Problem) else fast.summary(),
+    )
 
 
 def _margins(outcome: Outcome, rows: Samples) -> tuple[Margin, ...]:
