@@ -11,6 +11,8 @@ import pytest
 from sphmctl.cli import columns
 from sphmctl.cli.columns import JOINT_COLUMNS, POSE_COLUMNS
 from sphmctl.motion import Floats
+from sphmctl.robots import sphm
+from sphmctl.robots.geometry import matrix_to_abc
 from tests.cli import machine
 from tests.cli.rig import TABLE_5, Sphmctl, read_csv
 
@@ -139,6 +141,65 @@ def test_auto_goes_on_from_row_to_row(sphmctl: Sphmctl, tmp_path: Path) -> None:
         assert told.document["position_mm"] == pytest.approx(wanted[:3], abs=1e-6)
         reached = machine.abc_rotation(*told.document["abc_deg"])
         np.testing.assert_allclose(reached, machine.abc_rotation(*wanted[3:]), atol=1e-9)
+
+
+def test_a_long_path_begins_on_the_branch_that_the_whole_path_wants(
+    sphmctl: Sphmctl, tmp_path: Path
+) -> None:
+    rows = [",".join(map(str, row)) for row in wave(3000).tolist()]
+    source = write(tmp_path / "joints.csv", JOINT_HEADER, rows)
+    poses, out = tmp_path / "poses.csv", tmp_path / "again.csv"
+    sphmctl("fk", "--csv", source, "--out", poses)
+    told = sphmctl("ik", "--csv", poses, "--out", out, "--wrist", "60,50,70", "--json")
+    assert told.document["answered"] == 3000
+    found = np.radians(table(out, JOINT_COLUMNS))
+    T = sphm.forward(np.radians(wave(3000)))
+    slow = sphm.inverse_along(T, np.radians([60.0, 50.0, 70.0]))
+    # The first pose has A5 = 0, which leaves A4 open: from the second on it is settled.
+    np.testing.assert_allclose(found[1:], slow[1:], atol=1e-6)
+
+
+def test_poses_that_are_no_path_are_answered_each_near_the_one_before(
+    sphmctl: Sphmctl, tmp_path: Path
+) -> None:
+    joints = np.random.default_rng(3).uniform(sphm.RANGES9[:, 0], sphm.RANGES9[:, 1], (1500, 9))
+    joints[:, 6:] = np.radians([60.0, 50.0, 70.0])
+    T = sphm.forward(joints)
+    T[700, :3, 3] *= 9.0
+    abc_deg = np.degrees(matrix_to_abc(T[:, :3, :3]))
+    poses = np.hstack([T[:, :3, 3] * 1000.0, abc_deg])
+    rows = [",".join(map(str, row)) for row in poses.tolist()]
+    source, out = write(tmp_path / "in.csv", POSE_HEADER, rows), tmp_path / "out.csv"
+    for near in ((), ("--near", ",".join(map(str, np.degrees(joints[0]).tolist())))):
+        options = ("--wrist", "60,50,70", "--json", *near)
+        told = sphmctl("ik", "--csv", source, "--out", out, *options)
+        assert told.document["answered"] == 1499
+        assert "line 702" in told.err
+        found = np.radians(table(out, JOINT_COLUMNS))
+        assert np.isnan(found[700]).all()
+        kept = np.arange(1500) != 700
+        np.testing.assert_allclose(sphm.forward(found[kept]), T[kept], atol=1e-9)
+        assert (found[kept] >= sphm.RANGES9[:, 0] - 1e-9).all()
+        assert (found[kept] <= sphm.RANGES9[:, 1] + 1e-9).all()
+        steps = np.abs(np.diff(found[kept], axis=0)).max(axis=1)
+        free = sphm.inverse_best(T[kept], joints[0, 6:])
+        assert np.median(steps) < np.median(np.abs(np.diff(free, axis=0)).max(axis=1))
+    np.testing.assert_allclose(found[0], joints[0], atol=1e-8)
+
+
+def test_quotation_marks_in_the_middle_of_a_file_keep_every_place(
+    sphmctl: Sphmctl, tmp_path: Path
+) -> None:
+    rows = [f"a,{GOOD_JOINTS}", f'"b\nc",{GOOD_JOINTS}', f"d,{GOOD_JOINTS}"]
+    source, out = write(tmp_path / "in.csv", f"id,{JOINT_HEADER}", rows), tmp_path / "out.csv"
+    assert sphmctl("fk", "--csv", source, "--out", out).code == 0
+    assert [row["id"] for row in read_csv(out)] == ["a", "b\nc", "d"]
+    write(source, f"id,{JOINT_HEADER}", [*rows, "e,0,x,0,0,0,0,0,0,0"])
+    told = sphmctl("fk", "--csv", source, "--out", out, "--json")
+    assert told.error["where"] == f"{source}, line 6, column a2_deg"
+    source.write_bytes(source.read_bytes().replace(b"\n", b"\r\n").replace(b"x", b"0"))
+    assert sphmctl("fk", "--csv", source, "--out", out).code == 0
+    assert [row["id"] for row in read_csv(out)] == ["a", "b\r\nc", "d", "e"]
 
 
 def test_a_file_may_be_written_over_itself(sphmctl: Sphmctl, tmp_path: Path) -> None:
