@@ -165,7 +165,7 @@ def test_poses_that_are_no_path_are_answered_each_near_the_one_before(
     joints = np.random.default_rng(3).uniform(sphm.RANGES9[:, 0], sphm.RANGES9[:, 1], (1500, 9))
     joints[:, 6:] = np.radians([60.0, 50.0, 70.0])
     T = sphm.forward(joints)
-    T[700, :3, 3] *= 9.0
+    T[700, 2, 3] += 5.0
     abc_deg = np.degrees(matrix_to_abc(T[:, :3, :3]))
     poses = np.hstack([T[:, :3, 3] * 1000.0, abc_deg])
     rows = [",".join(map(str, row)) for row in poses.tolist()]

@@ -40,7 +40,7 @@ def slow_search(T: Floats, near: Floats | None) -> float:
     def best(cranks: Floats) -> Floats:
         poses = np.broadcast_to(T, (len(cranks), 4, 4))
         answers = sphm.inverse(poses, None, cranks, near).joints
-        return np.nan_to_num(worth(answers, near), nan=-np.inf).max(axis=1)
+        return np.asarray(np.nan_to_num(worth(answers, near), nan=-np.inf).max(axis=1))
 
     values = best(grid)
     starts = np.argsort(-values, kind="stable")[:3]
