@@ -42,6 +42,9 @@ stay within the whole."""
 EVEN_LEAST = 16
 """Steps of a block at least, for its derivatives."""
 
+NO_TOOL_LIMITS = (math.inf, math.inf)
+"""Speed and acceleration of a tool that follows no path."""
+
 
 @dataclass(frozen=True)
 class Block:
@@ -64,7 +67,7 @@ class Block:
     rest_s: float = 0.0
     velocity: float | None = None
     acceleration: float | None = None
-    asked: tuple[float, float] = (math.inf, math.inf)
+    asked: tuple[float, float] = NO_TOOL_LIMITS
     name: str = ""
 
     @property
@@ -95,7 +98,8 @@ def add_way(draft: Draft, way: Way, title: str, scale: float) -> None:
     for begin, end in pairwise(parts.edges):
         here = _even(way, begin, end)
         name = names.get(end, "")
-        _add_block(draft, way, (float(u[begin]), float(u[end])), here, scale, name)
+        tool = _tool_limits(way, begin, end)
+        _add_block(draft, way, (float(u[begin]), float(u[end])), here, scale, name, *tool)
     draft.notes.append(
         f"{title}: {parts.count} knot{'s' if parts.count > 1 else ''}, chord error "
         f"{parts.error_m * 1000.0:.2f} mm"
@@ -146,17 +150,27 @@ def add_rest(draft: Draft, move: Move, scale: float) -> None:
 
 
 def _add_block(
-    draft: Draft, leg: Leg, u: tuple[float, float], joints: Floats, scale: float, name: str
+    draft: Draft,
+    leg: Leg,
+    u: tuple[float, float],
+    joints: Floats,
+    scale: float,
+    name: str,
+    asked: tuple[float, float] = NO_TOOL_LIMITS,
+    room: tuple[float, float] = NO_TOOL_LIMITS,
 ) -> None:
-    """Time one block along joints (n, 9) at equal steps, and match the controller's law to it."""
+    """Time one block along joints (n, 9) at equal steps, and match the controller's law to it.
+
+    Args:
+        asked: the tool's speed (m/s) and acceleration (m/s2).
+        room: what bends leave of them along the path.
+    """
     move = leg.move_at(u[1])
     length_m = leg.length_m * (u[1] - u[0])
     moved = np.abs(joints[-1, :6] - joints[0, :6])
     arm_moves = bool(moved.max() >= STILL_RAD)
     velocity = float((moved / kr6.MAX_SPEED).max())
     acceleration = float((moved / kr6.MAX_ACCELERATION).max())
-    asked = _asked(leg, u)
-    room = _room(leg, u, asked)
     limits = _limits(leg, length_m, room, (velocity, acceleration) if arm_moves else None)
     law = fastest(joints, limits)
     if isinstance(law, TooFast):
@@ -184,26 +198,16 @@ def _add_block(
     draft.blocks.append(block)
 
 
-def _asked(leg: Leg, u: tuple[float, float]) -> tuple[float, float]:
-    """Tool speed (m/s) and acceleration (m/s2) asked for between two shares of a leg."""
-    if leg.length_m == 0.0:
-        return math.inf, math.inf
-    assert isinstance(leg, Way)  # a direct leg has no length
-    speeds, accelerations = leg.contour.speeds(leg.between(u))
-    return float(speeds.min()), float(accelerations.min())
-
-
-def _room(leg: Leg, u: tuple[float, float], asked: tuple[float, float]) -> tuple[float, float]:
-    """What a bend leaves of the tool's speed and acceleration along the path."""
-    if not isinstance(leg, Way) or leg.length_m == 0.0:
-        return asked
-    s = leg.between(u)
-    turn = np.linalg.norm(np.diff(leg.contour.tangent(s), axis=0), axis=1)
-    bend = float((turn / np.diff(s)).max())
+def _tool_limits(way: Way, begin: int, end: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Tool speed (m/s) and acceleration (m/s2) asked for between two rows; what bends leave."""
+    if way.length_m == 0.0:
+        return NO_TOOL_LIMITS, NO_TOOL_LIMITS
+    speed, acceleration = (float(values[begin : end + 1].min()) for values in way.asked)
+    bend = float(way.bends[begin:end].max())
     if bend < STRAIGHT_PER_M:
-        return asked
-    across = BEND_SHARE * asked[1]
-    return min(asked[0], math.sqrt(across / bend)), BEND_SHARE * asked[1]
+        return (speed, acceleration), (speed, acceleration)
+    across = BEND_SHARE * acceleration
+    return (speed, acceleration), (min(speed, math.sqrt(across / bend)), across)
 
 
 def _limits(

@@ -5,6 +5,7 @@ Between two stops the controller drives a straight line of axis space, which is 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
@@ -12,9 +13,11 @@ from typing import TypeAlias
 import numpy as np
 
 from sphmctl.motion import Floats
+from sphmctl.planner.contour import Indices
 from sphmctl.planner.legs import Direct
-from sphmctl.planner.way import Way
-from sphmctl.robots.geometry import angle_between
+from sphmctl.planner.way import SAME_RAD, Way
+from sphmctl.robots import kr6
+from sphmctl.robots.geometry import angle_between, invert
 
 TOLERANCE_M = 0.0003
 """Of the tool point against the path. The path's tolerance is 0.5 mm; the rest is for the wrist's
@@ -26,6 +29,10 @@ TURN_TOLERANCE_RAD = float(np.radians(0.5))
 KNOT_LIMIT = 100
 """Knots on a way, and one more for each millimetre: a way that needs more passes too close to a
 singularity to be meant."""
+
+LOOKS = 32
+"""Rows of a block at which it is looked at, at least, if it has them: the error of a chord is
+smooth, and its largest value is missed by 0.1 %."""
 
 Leg: TypeAlias = Way | Direct
 
@@ -95,7 +102,7 @@ def _greedy(way: Way) -> Split | None:
             begin = edges[-1]
             length = _longest(way, begin, target, length)
             edges.append(begin + length)
-            errors.append(_chord_errors(way, begin, begin + length))
+            errors.append(_chord_errors(way, edges[-2:]))
             if len(edges) > knot_limit(way):
                 return None
     error, turn = (float(worst) for worst in np.max(errors, axis=0))
@@ -106,7 +113,7 @@ def _longest(way: Way, begin: int, target: int, guess: int) -> int:
     """The number of rows of the longest block from `begin` on that keeps the tolerances."""
 
     def fits(count: int) -> bool:
-        error, turn = _chord_errors(way, begin, begin + count)
+        error, turn = _chord_errors(way, (begin, begin + count))
         return error <= TOLERANCE_M and turn <= TURN_TOLERANCE_RAD
 
     most = target - begin
@@ -127,37 +134,50 @@ def _longest(way: Way, begin: int, target: int, guess: int) -> int:
 def _examine(way: Way, count: int) -> Split:
     """Equal blocks, driven as the controller does."""
     edges = tuple(round(i * (len(way.s) - 1) / count) for i in range(count + 1))
-    errors = [_chord_errors(way, begin, end) for begin, end in pairwise(edges)]
-    error, turn = (float(worst) for worst in np.max(errors, axis=0))
-    return Split(edges, error, turn)
+    return Split(edges, *_chord_errors(way, edges))
 
 
-def _chord_errors(way: Way, begin: int, end: int) -> tuple[float, float]:
-    """Largest distance (m) and turn (rad) off the path on a straight line of axis space.
+def _chord_errors(way: Way, edges: Sequence[int]) -> tuple[float, float]:
+    """Largest distance (m) and turn (rad) off the path on straight lines of axis space.
 
     The cranks are driven at the arm's progress; also where the chord takes them at equal steps.
     """
-    here = way.joints[begin : end + 1]
-    share = (way.s[begin : end + 1] - way.s[begin]) / (way.s[end] - way.s[begin])
-    chord = here[0] + share[:, None] * (here[-1] - here[0])
-    plain, followed = here.copy(), here.copy()
-    plain[:, :6] = followed[:, :6] = chord[:, :6]
-    followed[:, 6:] = _cranks_at_progress(here, chord)
-    reached = way.setup.tool_pose(np.concatenate([plain, followed]))
-    wanted = np.concatenate([way.pose[begin : end + 1]] * 2)
+    stride = max((edges[-1] - edges[0]) // (LOOKS * (len(edges) - 1)), 1)
+    rows, stops = np.arange(edges[0], edges[-1], stride), np.array(edges)
+    block = np.searchsorted(stops, rows, "right") - 1
+    begin, end = stops[block], stops[block + 1]
+    s, arm = way.s, way.joints[:, :6]
+    share = (s[rows] - s[begin]) / (s[end] - s[begin])
+    chord = arm[begin] + share[:, None] * (arm[end] - arm[begin])
+    flange = invert(way.setup.base) @ kr6.forward(chord)
+    reached, wanted, tangent = flange @ way.on_flange[rows], way.pose[rows], way.tangents[rows]
+    if np.ptp(way.joints[rows, 6:], axis=0).max() > SAME_RAD:
+        parts = np.split(np.arange(len(rows)), np.searchsorted(rows, stops[1:-1]))
+        cranks = [
+            _cranks_at_progress(way.joints[a : b + 1], chord[part], rows[part] - a)
+            for (a, b), part in zip(pairwise(edges), parts, strict=True)
+        ]
+        followed = flange @ way.setup.on_flange(np.concatenate(cranks))
+        reached = np.concatenate([reached, followed])
+        wanted, tangent = np.concatenate([wanted] * 2), np.concatenate([tangent] * 2)
     apart = reached[:, :3, 3] - wanted[:, :3, 3]
-    tangent = np.concatenate([way.contour.tangent(way.s[begin : end + 1])] * 2)
     beside = apart - (apart * tangent).sum(axis=1)[:, None] * tangent
     turn = angle_between(reached[:, :3, :3], wanted[:, :3, :3])
     return float(np.linalg.norm(beside, axis=1).max()), float(turn.max())
 
 
-def _cranks_at_progress(here: Floats, chord: Floats) -> Floats:
-    """Cranks (n, 3) of the way where its leading axis stands as it does on the chord."""
+def _cranks_at_progress(here: Floats, chord: Floats, rows: Indices) -> Floats:
+    """Cranks (k, 3) of the way where its leading axis stands as it does on the chord.
+
+    Args:
+        here: joints (n, 9) of a block's rows.
+        chord: the arm's on the chord (k, 6) at some of these rows (k,).
+    """
     moved = np.abs(here[-1, :6] - here[0, :6])
     lead = int(np.argmax(moved))
-    along = here[:, lead] * np.sign(here[-1, lead] - here[0, lead])
+    sign = np.sign(here[-1, lead] - here[0, lead])
+    along = here[:, lead] * sign
     if moved[lead] == 0.0 or np.any(np.diff(along) <= 0.0):
-        return here[:, 6:]
-    wanted = chord[:, lead] * np.sign(here[-1, lead] - here[0, lead])
+        return here[rows, 6:]
+    wanted = chord[:, lead] * sign
     return np.stack([np.interp(wanted, along, here[:, leg]) for leg in (6, 7, 8)], axis=1)

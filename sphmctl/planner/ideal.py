@@ -53,23 +53,25 @@ class Ideal:
 
     def binding(self, t: Floats) -> list[str]:
         """What binds at each plan time (n,): one of LABELS."""
-        out = [LABELS[-1]] * len(t)
-        begin_s, edges = 0.0, []
+        found = np.full(len(t), len(LABELS) - 1)
+        begin_s, begins = 0.0, []
+        laws: list[TimeLaw | None] = []
         for block in self.blocks:
-            edges.append(begin_s)
+            # Blocks of one law follow each other: one time runs through all of them.
+            law = block.law.law if isinstance(block.law, Slice) else None
+            if not laws or law is None or law is not laws[-1]:
+                begins.append(begin_s)
+                laws.append(law)
             begin_s += block.duration_s
-        index = np.clip(np.searchsorted(edges, t, "right") - 1, 0, len(self.blocks) - 1)
-        for i, block in enumerate(self.blocks):
-            if not isinstance(block.law, Slice):
+        index = np.searchsorted(begins, t, "right") - 1
+        for i, law in enumerate(laws):
+            if law is None:
                 continue
             rows = np.flatnonzero(index == i)
-            law = block.law.law
-            s = law.s(block.law.t[0] + t[rows] - edges[i])
             rows_s = law.track.s[law.track.rows]
-            nearest = np.clip(np.searchsorted(rows_s, s), 0, len(law.binding) - 1)
-            for row, label in zip(rows, law.binding[nearest], strict=True):
-                out[row] = LABELS[label]
-        return out
+            nearest = np.searchsorted(rows_s, law.s(t[rows] - begins[i]))
+            found[rows] = law.binding[np.minimum(nearest, len(law.binding) - 1)]
+        return [LABELS[label] for label in found]
 
 
 def ideal(blocks: list[Block], scale: float, filter_s: float) -> Ideal | Problem:

@@ -51,6 +51,10 @@ class Setup:
         """Tool poses in the base (n, 4, 4) of joints (n, 9); NaN where the wrist does not close."""
         return np.asarray(invert(self.base) @ sphm.forward(joints, self.tool, self.mount_yaw))
 
+    def on_flange(self, cranks: Floats) -> Floats:
+        """The tool's poses on the flange (n, 4, 4) of crank angles (n, 3)."""
+        return np.asarray(sphm.platform_in_flange(cranks, self.mount_yaw) @ self.tool)
+
 
 @dataclass(frozen=True)
 class Direct:

@@ -140,19 +140,27 @@ def fastest(joints: Floats, limits: Limits) -> Trapezoid | TooFast:
         return _too_fast(first * limits.speed, limits.joint_speeds, "speed")
     highest = min(limits.speed, cap)
     wanted = highest * np.geomspace(1.0, SLOWEST_SHARE, SPEED_STEPS)
-    best: Trapezoid | None = None
-    for v in wanted[wanted >= limits.floor]:
-        room = accelerations - second * v * v
-        if np.min(room) <= 0.0:
-            continue
-        with np.errstate(divide="ignore"):
-            a = min(float(np.min(room / first)), limits.acceleration)
-        law = Trapezoid(float(v), a)
-        if best is None or law.duration_s < best.duration_s:
-            best = law
-    if best is None:
+    v = wanted[wanted >= limits.floor]
+    slope, bend = _hardest(first / accelerations, second / accelerations)
+    room = 1.0 - bend * (v * v)[:, None]
+    fit = room.min(axis=1) > 0.0
+    if not fit.any():
         return _too_fast(second * highest**2, limits.joint_accelerations, "acceleration")
-    return best
+    v, room = v[fit], room[fit]
+    with np.errstate(divide="ignore"):
+        a = np.minimum((room / slope).min(axis=1), limits.acceleration)
+    ramp = np.minimum(v / a, 1.0 / np.sqrt(a))
+    best = int((1.0 / (ramp * a) + ramp).argmin())
+    return Trapezoid(float(v[best]), float(a[best]))
+
+
+def _hardest(slope: Floats, bend: Floats) -> tuple[Floats, Floats]:
+    """Of all rows and joints those (k,) that no other beats in slope and bend: only they rule."""
+    slope, bend = slope.ravel(), bend.ravel()
+    order = np.lexsort((-bend, -slope))
+    bend = bend[order]
+    front = np.append(True, bend[1:] > np.maximum.accumulate(bend)[:-1])
+    return slope[order][front], bend[front]
 
 
 def _too_fast(needed: Floats, limits: Floats, what: str) -> TooFast:

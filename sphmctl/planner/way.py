@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -84,13 +85,26 @@ class Way:
             self.contour.edges_m if wrist is None else np.union1d(self.contour.edges_m, wrist.s_m)
         )
 
-    def between(self, u: tuple[float, float]) -> Floats:
-        """Arc lengths of the rows from one share of the way to another, both included."""
-        begin, end = (share * float(self.s[-1]) for share in u)
-        first, last = np.searchsorted(self.s, [begin, end])
-        inner = self.s[first:last]
-        inner = inner[(inner > begin + TINY_M) & (inner < end - TINY_M)]
-        return np.concatenate([[begin], inner, [end]])
+    @cached_property
+    def tangents(self) -> Floats:
+        """Unit tangents of the rows, (n, 3)."""
+        return self.contour.tangent(self.s)
+
+    @cached_property
+    def bends(self) -> Floats:
+        """How sharply the tool's way turns from row to row, 1/m, (n - 1,)."""
+        turn = np.linalg.norm(np.diff(self.tangents, axis=0), axis=1)
+        return np.asarray(turn / np.diff(self.s))
+
+    @cached_property
+    def asked(self) -> tuple[Floats, Floats]:
+        """Tool speed (m/s) and acceleration (m/s2) asked for at the rows, each (n,)."""
+        return self.contour.speeds(self.s)
+
+    @cached_property
+    def on_flange(self) -> Floats:
+        """The tool's pose on the flange at the rows, (n, 4, 4)."""
+        return self.setup.on_flange(self.joints[:, 6:])
 
     def at(self, u: Floats) -> tuple[Floats, Floats]:
         """Joints (n, 9) and tool poses (n, 4, 4) at any u (n,): exact, on the way's branch."""

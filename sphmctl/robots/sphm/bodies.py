@@ -279,6 +279,8 @@ def obstacle_clearances(
     """
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
     out = np.empty((len(q), len(obstacles), len(MOVING_GROUPS)))
+    if not obstacles:
+        return out.reshape(len(q), 0)
     for i in range(0, len(q), OBSTACLE_BLOCK):
         p, d = segments(q[i : i + OBSTACLE_BLOCK], tool, mount_yaw)
         for j, obstacle in enumerate(obstacles):
