@@ -112,7 +112,8 @@ def auto(
     The largest of margin minus distance to `near` is sought, both in radians: the margin is that of
     the joint nearest to its limit, the distance the root mean square over the joints (0 without
     `near`). A grid over the crank angles, then steps uphill: the same input gives the same answer.
-    NaN where no wrist pose reaches. All poses are searched together, about 1 ms each; alone, 10 ms.
+    NaN where no wrist pose reaches. Poses are searched together: in arrays of 1,000 each takes
+    some 1.5 ms, with `near` 3; alone, ten times as long.
     """
     T, limits = np.asarray(T, dtype=np.float64), np.asarray(limits, dtype=np.float64)
     shape = T.shape[:-2]
