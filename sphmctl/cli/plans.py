@@ -159,10 +159,15 @@ def _show_report(document: dict[str, Any]) -> None:
             f"{100.0 * margin['acceleration_share']:.1f}",
         )
     console.print(table)
-    for near in document["closeness"]:
-        least = "at least " if near["beyond"] else ""
-        print(f"{near['name']}: {least}{near['value']:.4g} {near['unit']}, {near['where']}")
-    print(f"the arm stops {document['knots']} times; without stops: {document['without_stops']}")
+    near = Table(title="how near the path comes", title_justify="left")
+    near.add_column("to", overflow="fold")
+    near.add_column("at least", justify="right", overflow="fold")
+    near.add_column("at", overflow="fold")
+    for item in document["closeness"]:
+        more = "more than " if item["beyond"] else ""
+        near.add_row(item["name"], f"{more}{item['value']:.4g} {item['unit']}", item["where"])
+    console.print(near)
+    console.print(f"without the {document['knots']} stops: {document['without_stops']}", markup=False)
     print(f"feasible: {document['duration_s']:.2f} s")
 
 

@@ -144,7 +144,7 @@ def test_people_get_a_table_and_a_sentence(sphmctl: Sphmctl, short: Path) -> Non
         ("A: {pose: [520, 0,", "A: {pose: [1520, 0,", "", "mm from axis 2"),
         ("cranks_deg: [90, 95, 100]", "cranks_deg: [90, 125, 100]", "theta8", "120"),
         ("cranks_deg: [100, 100, 100]", "cranks_deg: [100, -1, 100]", "theta8", "-1"),
-        ("{pose: [500, 20, 100,", "{pose: [-500, 20, 100,", "A1", "at least -170 is allowed"),
+        ("{pose: [500, 20, 100,", "{pose: [-500, 20, 100,", "A3", "at most 156 is allowed"),
         ("20, 100, 180, 0, 180]", "20, 100, 180, 0, 0]", "tool", "half a turn"),
     ],
 )
