@@ -23,11 +23,12 @@ check: $(VENV)/dev.stamp
 # than servos may be silent. What they show is shown again on a virtual clock, without another try.
 unit: $(VENV)/dev.stamp
 	$(BIN)/pytest -n auto --dist worksteal -m 'not hardware and not realtime and not many'
-	$(BIN)/pytest -m 'realtime and not hardware' --reruns 2
+	$(BIN)/pytest -m 'realtime and not hardware and not many' --reruns 2
 
 # Further seeds and instants of what `test` tries with a few: minutes, so not part of it.
 many: $(VENV)/dev.stamp
-	$(BIN)/pytest -n auto --dist worksteal -m many
+	$(BIN)/pytest -n auto --dist worksteal -m 'many and not realtime'
+	$(BIN)/pytest -m 'many and realtime' --reruns 2
 
 # All that is on a virtual clock, with what it covers: twice as slow.
 coverage: $(VENV)/dev.stamp

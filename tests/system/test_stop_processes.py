@@ -164,6 +164,7 @@ def test_after_kill_9_the_arm_stands_and_the_next_run_can_begin(place: Place) ->
     place.can_run("second")
 
 
+@pytest.mark.many
 def test_a_cut_that_lasts_is_told_and_the_next_runs_say_so_until_it_is_mended(
     place: Place,
 ) -> None:
@@ -187,6 +188,7 @@ def test_a_cut_that_lasts_is_told_and_the_next_runs_say_so_until_it_is_mended(
     place.can_run("second")
 
 
+@pytest.mark.many
 def test_a_cut_that_is_mended_at_once_ends_the_run_with_both_seen_to_stand(place: Place) -> None:
     process = place.start_run("first")
     place.wait_for_motion(process, "first")
