@@ -14,7 +14,7 @@ from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
 from sphmctl.planner.sampling import Samples, knots, named, sample, verify, where
 from sphmctl.planner.timelaw import FILTER_S
-from sphmctl.planner.walk import walk
+from sphmctl.planner.walk import Walker, walks
 
 TIMINGS = ("stops", "optimal")
 """As the arm's controller drives it, from knot to knot; or as fast as joints and tool allow with
@@ -25,6 +25,10 @@ PROBLEM_LIMIT = 20
 
 DURATION_LIMIT_S = 3600.0
 """One hour; 900,000 samples."""
+
+FINER = (1, 5, 20)
+"""Rows to each usual one, tried while the quickest law breaks a limit between them: a sampled curve
+turns at each of its points within a few rows."""
 
 SPEED_LIMIT = 1.5
 """Highest share of a path's own speed, as the override of the tools people know."""
@@ -52,12 +56,17 @@ class Made:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What planning gave: a plan, or the problems that are in its way."""
+    """What planning gave: a plan, or the problems that are in its way.
+
+    Attributes:
+        coarse: the quickest law keeps the limits at the ways' rows and not between them.
+    """
 
     setup: Setup
     blocks: list[Block]
     problems: tuple[Problem, ...]
     made: Made | None
+    coarse: bool = False
 
 
 def plan(path: Path, cell: Cell, speed: float = 1.0, timing: str = "stops") -> Plan:
@@ -103,8 +112,24 @@ def draw_up(
             f"speed {speed * 100:g} % is out of range; give 0.1 to {SPEED_LIMIT:.0%}"
         )
     setup = _setup(path, cell)
-    walker = walk(path, setup, speed)
-    draft = walker.draft
+    around = Surroundings.of(cell, setup.tool)
+    for finer in FINER:
+        # Another branch of the start may pass where the nearest one does not.
+        found: list[Outcome] = []
+        for walker in walks(path, setup, speed, finer):
+            found.append(_timed(path, walker, around, timing, filter_s))
+            if found[-1].made is not None:
+                return found[-1]
+        if not any(outcome.coarse for outcome in found):
+            break
+    return found[0]
+
+
+def _timed(
+    path: Path, walker: Walker, around: Surroundings, timing: str, filter_s: float
+) -> Outcome:
+    """Time and check what was walked."""
+    draft, setup, speed = walker.draft, walker.setup, walker.scale
     if draft.problems or walker.start is None:
         return Outcome(setup, draft.blocks, _told(draft.problems), None)
     blocks, fast = draft.blocks, None
@@ -121,11 +146,12 @@ def draw_up(
         problem = Problem("", "", duration_s, DURATION_LIMIT_S, message)
         return Outcome(setup, blocks, (problem,), None)
     rows = sample(blocks, setup, walker.start)
-    found = examine(rows.joints, Surroundings.of(cell, setup.tool))
+    found = examine(rows.joints, around)
     near = [replace(p.problem, where=where(blocks, rows, p.row)) for p in found.problems]
-    problems = verify(blocks, rows, setup, speed) + near
-    if problems:
-        return Outcome(setup, blocks, _told(problems), None)
+    beyond = verify(blocks, rows, setup, speed)
+    if beyond + near:
+        coarse = fast is not None and not near
+        return Outcome(setup, blocks, _told(beyond + near), None, coarse)
     driven_s = _duration_s(draft.blocks)
     notes = [
         *draft.notes,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from sphmctl.motion import JOINT_NAMES, Floats, Knot, NamedPoint
 from sphmctl.planner.blocks import Block
 from sphmctl.planner.legs import Setup
 from sphmctl.planner.places import RANGE_TOLERANCE_RAD, joint_problem
+from sphmctl.planner.timing import Slice
 
 GRID_S = 0.004
 """The arm controller's own step; the servos' cycle is longer."""
@@ -115,6 +116,18 @@ def rates(t: Floats, values: Floats) -> tuple[Floats, Floats]:
     return speed, np.diff(speed, axis=0) / ((dt[1:] + dt[:-1]) / 2.0)
 
 
+def _steps(blocks: list[Block], rows: Samples) -> NDArray[np.int64]:
+    """The rows without those of knots that are passed without a stop, within a step of the grid.
+
+    Differences over a small part of a step would show what no controller sees.
+    """
+    keep = np.ones(len(rows.t), dtype=bool)
+    for (block, following), end in zip(pairwise(blocks), rows.ends, strict=False):
+        if isinstance(block.law, Slice) and isinstance(following.law, Slice):
+            keep[end] = block.law.law is not following.law.law or block.leg is not following.leg
+    return np.flatnonzero(keep)
+
+
 def verify(blocks: list[Block], rows: Samples, setup: Setup, scale: float) -> list[Problem]:
     """Every row against ranges, speeds, accelerations, tool limits and forward kinematics."""
     found: list[Problem] = []
@@ -125,7 +138,8 @@ def verify(blocks: list[Block], rows: Samples, setup: Setup, scale: float) -> li
         value = float(rows.joints[row, joint])
         limit = float(low[joint] if value < low[joint] else high[joint])
         found.append(joint_problem(where(blocks, rows, row), int(joint), value, limit, "angle"))
-    speed, acceleration = rates(rows.t, rows.joints)
+    kept = _steps(blocks, rows)
+    speed, acceleration = rates(rows.t[kept], rows.joints[kept])
     for kind, rate, limits in (
         ("speed", np.abs(speed), setup.speeds),
         ("acceleration", np.abs(acceleration), setup.accelerations),
@@ -133,7 +147,7 @@ def verify(blocks: list[Block], rows: Samples, setup: Setup, scale: float) -> li
         for joint in np.flatnonzero((rate > limits * RATE_TOLERANCE).any(axis=0)):
             row = int(rate[:, joint].argmax())
             value, limit = float(rate[row, joint]), float(limits[joint])
-            here = where(blocks, rows, row + 1)
+            here = where(blocks, rows, int(kept[row + 1]))
             found.append(joint_problem(here, int(joint), value, limit, kind))
     apart = np.linalg.norm(setup.tool_pose(rows.joints)[:, :3, 3] - rows.tool[:, :3, 3], axis=1)
     row = int(np.nan_to_num(apart, nan=np.inf).argmax())
@@ -147,23 +161,24 @@ def _tool_problems(blocks: list[Block], rows: Samples, scale: float) -> list[Pro
     """The tool's speed and acceleration on lines."""
     if not blocks:
         return []
-    speed, acceleration = rates(rows.t, rows.tool[:, :3, 3])
+    kept = _steps(blocks, rows)
+    speed, acceleration = rates(rows.t[kept], rows.tool[kept, :3, 3])
     straight = np.array([b.leg is not None and b.leg.length_m > 0.0 for b in blocks])
     allowed = 1000.0 * np.array([b.asked for b in blocks])
     found = []
     for index, (rate, unit) in enumerate(((speed, "mm/s"), (acceleration, "mm/s2"))):
-        owner = rows.block[index + 1 :]
+        owner = rows.block[kept[index + 1 :]]
         # Slower plans may ramp up as the path allows at full speed.
         limit = allowed[owner, index] * max(scale, 1.0) ** (index + 1)
         value = np.linalg.norm(rate, axis=1) * 1000.0
         value[~straight[owner]] = 0.0
         if index == 1:  # an acceleration spans two rows; at a knot these belong to two blocks
-            before = rows.block[1:-1]
+            before = rows.block[kept[1:-1]]
             limit = np.maximum(limit, allowed[before, 1] * max(scale, 1.0) ** 2)
             value[~straight[before]] = 0.0
         row = int((value / limit).argmax()) if len(value) else 0
         if len(value) and value[row] > limit[row] * RATE_TOLERANCE:
             message = f"the tool would reach {value[row]:.6g} {unit}; {limit[row]:.6g} is asked for"
-            here = where(blocks, rows, row + 1)
+            here = where(blocks, rows, int(kept[row + 1]))
             found.append(Problem(here, "tool", float(value[row]), float(limit[row]), message))
     return found

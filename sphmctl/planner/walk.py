@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 
@@ -37,6 +38,7 @@ class Walker:
         joints: (9,), or None after a move that could not be resolved.
         pose: tool in the base, (4, 4), or None.
         near: the last joints known, to choose branches by.
+        finer: rows to each one that a way usually has.
         start: joints (9,) of the start.
         name: of the point it stands on; "" for none.
     """
@@ -44,6 +46,7 @@ class Walker:
     path: Path
     setup: Setup
     scale: float
+    finer: int = 1
     draft: Draft = field(default_factory=Draft)
     joints: Floats | None = None
     pose: Floats | None = None
@@ -98,7 +101,7 @@ class Walker:
             if spot is not None:
                 self._lay(spot, "")
         if self.joints is not None and contour.policy in ("level", "tilt"):
-            free = lay(contour, setup, None)
+            free = lay(contour, setup, None, finer=self.finer)
             if (
                 isinstance(free, Way)
                 and np.abs(free.begin_cranks - self.joints[6:]).max() > SAME_RAD
@@ -107,7 +110,7 @@ class Walker:
         self._lay(contour, name)
 
     def _lay(self, contour: Contour, name: str) -> None:
-        way = lay(contour, self.setup, self.joints)
+        way = lay(contour, self.setup, self.joints, finer=self.finer)
         if isinstance(way, NoWay):
             self.draft.problems += way.problems
             self._arrive(name, None, contour.end)
@@ -209,24 +212,17 @@ def _other_branch(move: Move, joint: int, reached: Floats, wanted: Floats) -> Pr
     return Problem(move.where, name, value, limit, message)
 
 
-def walk(path: Path, setup: Setup, scale: float) -> Walker:
-    """Walk a path from the best branch of its start that leads through; else from the nearest."""
+def walks(path: Path, setup: Setup, scale: float, finer: int = 1) -> Iterator[Walker]:
+    """Walks of a path from each branch of its start, the nearest first; at least one."""
     scout = Walker(path, setup, scale)
     first = path.moves[0]
     assert first.point is not None  # a path begins with a ptp
+    begins: list[Floats | None] = []
     if first.point.joints_deg is not None:
-        begins = [np.radians(first.point.joints_deg)]
+        begins.append(np.radians(first.point.joints_deg))
     else:
-        begins = list(scout.answers(first, first.point, _pose(first.point))[:STARTS])
-    failed: list[Walker] = []
-    for begin in begins:
-        walker = Walker(path, setup, scale)
+        begins += list(scout.answers(first, first.point, _pose(first.point))[:STARTS])
+    for begin in begins or [None]:
+        walker = Walker(path, setup, scale, finer)
         walker.go(begin)
-        if not walker.draft.problems:
-            return walker
-        failed.append(walker)
-    if failed:
-        return failed[0]
-    scout.draft.problems.clear()
-    scout.go(None)
-    return scout
+        yield walker

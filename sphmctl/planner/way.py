@@ -142,15 +142,20 @@ def where(contour: Contour, s: float) -> str:
 
 
 def lay(
-    contour: Contour, setup: Setup, begin: Floats | None, end: Floats | None = None
+    contour: Contour,
+    setup: Setup,
+    begin: Floats | None,
+    end: Floats | None = None,
+    finer: int = 1,
 ) -> Way | NoWay:
     """Follow a contour with all nine joints.
 
     Args:
         begin: joints (9,) at its begin; None lets them be chosen.
         end: joints (9,) that it has to arrive with, where its wrist policy leaves a choice.
+        finer: rows to each one that a way usually has.
     """
-    s = contour.grid(min(SPACING_M, contour.length_m / POINTS))
+    s = contour.grid(min(SPACING_M, contour.length_m / POINTS) / finer)
     pose = contour.pose(s)
     goal = contour.wrist_at(s, None if begin is None else begin[6:])
     outcome = resolve(setup.base @ pose, s, _policy(goal), setup, begin, end)
