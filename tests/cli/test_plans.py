@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -241,3 +242,40 @@ def test_a_plan_replaces_the_old_file_only_when_it_is_whole(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plan.csv", "short.yaml"]
     assert sphmctl("plan", short, "--out", out).code == 0
     assert read_csv(out)[0]["t_s"] == "0"
+
+
+def test_the_optimal_timing_takes_less_along_the_same_path_and_says_what_binds(
+    sphmctl: Sphmctl, tmp_path: Path
+) -> None:
+    driven = sphmctl("plan", OCTAGON, "--out", "driven.csv", "--json").document
+    told = sphmctl("plan", OCTAGON, "--out", "ideal.csv", "--timing", "optimal", "--json")
+    ideal = told.document
+    assert (driven["timing"], ideal["timing"]) == ("stops", "optimal")
+    assert ideal["duration_s"] < driven["duration_s"]
+    assert ideal["knots"] == driven["knots"]
+    assert "of the time binds: tool speed" in ideal["notes"][-1]
+    assert f"as its controller drives {driven['duration_s']:.2f} s" in ideal["notes"][-1]
+    for name in ("driven.csv", "ideal.csv"):
+        rows = list(csv.DictReader((tmp_path / name).open()))
+        knots = [row for row in rows if row["knot"]]
+        assert len(knots) == ideal["knots"]
+    assert told.err.count("Traceback") == 0
+
+
+def test_a_timing_that_does_not_exist_is_refused(sphmctl: Sphmctl, short: Path) -> None:
+    told = sphmctl("plan", short, "--out", "plan.csv", "--timing", "best", "--json")
+    assert told.code == 2
+    assert told.error["message"] == "'best': give stops or optimal"
+
+
+def test_a_check_tells_closeness_and_what_a_drive_without_stops_would_take(
+    sphmctl: Sphmctl, short: Path
+) -> None:
+    document = sphmctl("check", short, "--json").document
+    names = [near["name"] for near in document["closeness"]]
+    assert any("gap to the robot itself" in name for name in names)
+    assert any("parallel singularity" in name for name in names)
+    assert any("static load" in name for name in names)
+    assert all(near["where"].startswith(("line ", "the start")) for near in document["closeness"])
+    assert document["knots"] > 0
+    assert "without jerk limit" in document["without_stops"]
