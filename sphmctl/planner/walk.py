@@ -153,6 +153,9 @@ class Walker:
             cranks = None if np.isnan(found).any() else found[6:]
         else:
             cranks = self._cranks(move, point)
+        if cranks is not None and np.isnan(cranks).any():
+            self.draft.problems.append(_no_such_tilt(move))
+            return np.empty((0, 9))
         if cranks is not None:
             joints = sphm.inverse(world, tool, cranks, self.near, ranges, yaw).joints
             if len(joints):
@@ -200,6 +203,14 @@ def _pose(point: Point) -> Floats:
     """A pose point's tool pose in the base, m, (4, 4)."""
     assert point.pose is not None  # the path file has a pose or joints
     return pose_matrix(np.array(point.pose[:3]) / 1000.0, np.radians(point.pose[3:]))
+
+
+def _no_such_tilt(move: Move) -> Problem:
+    """A ptp goes to what the wrist's motion ends with."""
+    assert move.wrist.heave_mm is not None  # it is a motion
+    tilt, heave = move.wrist.tilt_deg[1], move.wrist.heave_mm[1]
+    message = f"the wrist cannot hold a tilt of {tilt:g} degrees at a heave of {heave:g} mm"
+    return Problem(move.where, "", tilt, None, message)
 
 
 def _other_branch(move: Move, joint: int, reached: Floats, wanted: Floats) -> Problem:
