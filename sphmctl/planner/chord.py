@@ -34,6 +34,12 @@ LOOKS = 32
 """Rows of a block at which it is looked at, at least, if it has them: the error of a chord is
 smooth, and its largest value is missed by 0.1 %."""
 
+AIM = 0.98
+"""Of the length that should keep the tolerance just so: the next look is to succeed."""
+
+LEAST_EXCESS = 0.25
+"""A block is at most doubled in one look: the way further on may be more bent."""
+
 Leg: TypeAlias = Way | Direct
 
 
@@ -111,23 +117,21 @@ def _greedy(way: Way) -> Split | None:
 
 def _longest(way: Way, begin: int, target: int, guess: int) -> int:
     """The number of rows of the longest block from `begin` on that keeps the tolerances."""
-
-    def fits(count: int) -> bool:
-        error, turn = _chord_errors(way, (begin, begin + count))
-        return error <= TOLERANCE_M and turn <= TURN_TOLERANCE_RAD
-
     most = target - begin
     good, bad = 1, most + 1
     count = min(guess, most)
     while bad - good > 1:
-        if fits(count):
+        error, turn = _chord_errors(way, (begin, begin + count))
+        excess = max(error / TOLERANCE_M, turn / TURN_TOLERANCE_RAD)
+        if excess <= 1.0:
             good = count
         else:
             bad = count
-        count = min(2 * good, most) if bad > most else (good + bad) // 2
-        # A tenth more or less is not worth another look.
-        if bad - good <= max(1, good // 10):
+        # The error grows with the square of the length; a tenth is not worth another look.
+        wanted = int(AIM * count / max(excess, LEAST_EXCESS) ** 0.5)
+        if bad - good <= max(1, good // 10) or (excess <= 1.0 and wanted <= good + good // 20):
             break
+        count = min(max(wanted, good + 1), bad - 1)
     return good
 
 
