@@ -158,7 +158,13 @@ def lay(
     s = contour.grid(min(SPACING_M, contour.length_m / POINTS) / finer)
     pose = contour.pose(s)
     goal = contour.wrist_at(s, None if begin is None else begin[6:])
-    outcome = resolve(setup.base @ pose, s, _policy(goal), setup, begin, end)
+    target = setup.base @ pose
+    outcome = resolve(target, s, _policy(goal), setup, begin, end)
+    if isinstance(outcome, Unresolved) and goal.policy == "tilt" and begin is not None:
+        # The search over heaves is coarse beside A5 = 0; the heave as it is may lead through.
+        heave = rrs.tilt_of(rrs.forward(begin[6:]))[2]
+        held = resolve(target, s, Tilt(None, np.full(len(s), heave)), setup, begin, end)
+        outcome = outcome if isinstance(held, Unresolved) else held
     if isinstance(outcome, Unresolved):
         told = [
             replace(reason.problem, where=where(contour, float(s[reason.row])))
