@@ -140,7 +140,9 @@ class Controller:
             self.options.line_numbers if self.options.lines else None,
         )
         every = with_files(files, self.options.modules)
-        self.krc = Interpreters(every, self.arm, safety, self._time_s, self.timer_ms)
+        self.krc = Interpreters(
+            every, self.arm, safety, self._time_s, self.timer_ms, self.options.interpreter
+        )
         self.store = self.krc.memory
         self.panel = Panel(self.krc, self.arm, safety)
         self.keys = Keys(self.krc, self.arm)

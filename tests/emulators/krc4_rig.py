@@ -91,6 +91,14 @@ class Rig:
             self.wait_ms(1)
         raise AssertionError(f"{field} is {self.state(field)} and not {value}")
 
+    def wait_for_value(self, name: str, text: str, limit_ms: int = 500) -> None:
+        """Wait until a variable is shown as `text`."""
+        for _ in range(limit_ms):
+            if self.read(name) == text:
+                return
+            self.wait_ms(1)
+        raise AssertionError(f"{name} is {self.read(name)} and not {text}")
+
 
 def away(angle_deg: float, axis: int = 0) -> tuple[float, ...]:
     """HOME with one axis turned by `angle_deg`."""
