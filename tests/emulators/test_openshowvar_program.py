@@ -7,11 +7,14 @@ import random
 import time
 from typing import Any
 
+import pytest
 from py_openshowvar import openshowvar
 
 from sphmctl.emulators.controller import Controller
 from sphmctl.emulators.kvp_server import KvpServer
 from sphmctl.emulators.world import World
+
+pytestmark = pytest.mark.realtime
 
 HOST = "127.0.0.1"
 LIMIT_S = 15.0
