@@ -379,6 +379,7 @@ def test_planned_blocks_that_are_not_forgotten_show(kind: int) -> None:
     assert float(ended(rig, MOVES).text(f"T1_AFTER[{kind}]") or "nan") > 5.0
 
 
+@pytest.mark.realtime
 def test_the_line_that_looks_at_the_submit_interpreter_says_its_cycle() -> None:
     line = SHEET.split("```")[1].strip().removeprefix("python -c ").strip('"')
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -9,9 +10,10 @@ from sphmctl.board import flash
 from sphmctl.board.image import Image
 from sphmctl.drivers.board import Board, Identity
 from sphmctl.drivers.link import Link, LinkOpener, open_serial
-from sphmctl.drivers.servo_bus import ServoBus
+from sphmctl.drivers.servo_bus import BOARD_SILENCE_S, ServoBus
 from sphmctl.errors import DeviceError
 from sphmctl.wire import board_table as table
+from sphmctl.wire import dxl
 
 State = Literal["match", "older", "newer", "foreign", "silent"]
 
@@ -20,6 +22,9 @@ HOST_BAUD = 1_000_000
 
 OPEN_TIMEOUT_S = 5.0
 """To open the port: a USB adapter takes milliseconds."""
+
+ASKS = 2
+"""With the silence between: a ping that comes too early keeps the board in its bootloader."""
 
 MEND = "sphmctl firmware flash --port {port}"
 
@@ -74,7 +79,7 @@ async def check(opener: LinkOpener, port: str, shipped: Image, baud: int = HOST_
     bus = ServoBus(opener, where, baud, board_id=table.BOARD_ID)
     try:
         await bus.connect()
-        status = await bus.ping(table.BOARD_ID)
+        status = await _ping(bus)
         if status is None:
             return Report("silent", _silent(port, baud))
         model = int.from_bytes(status.data[:2], "little")
@@ -87,6 +92,14 @@ async def check(opener: LinkOpener, port: str, shipped: Image, baud: int = HOST_
         return await _compare(Board(bus, table.BOARD_ID, port, where), port, shipped)
     finally:
         await bus.close()
+
+
+async def _ping(bus: ServoBus) -> dxl.Status | None:
+    for _ in range(ASKS - 1):
+        if (status := await bus.ping(table.BOARD_ID)) is not None:
+            return status
+        await asyncio.sleep(BOARD_SILENCE_S)
+    return await bus.ping(table.BOARD_ID)
 
 
 async def _compare(board: Board, port: str, shipped: Image) -> Report:

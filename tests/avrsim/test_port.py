@@ -19,6 +19,8 @@ from tests.avrsim.conftest import Sketch
 from tests.avrsim.rig import BOOTLOADER, PING_1
 from tests.avrsim.test_servos import open_port, read_some
 
+pytestmark = pytest.mark.realtime
+
 AVRDUDE_TIMEOUT_S = 20.0
 
 NOTICED_TIMEOUT_S = 5.0

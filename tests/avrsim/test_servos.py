@@ -11,6 +11,8 @@ import tty
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from sphmctl import clock
 from sphmctl.emulators.board import BUS, Board, Byte, Options
 from sphmctl.emulators.board_bus import BoardBus
@@ -140,6 +142,7 @@ async def ping_in_real_time(firmware: Path, link: Path) -> tuple[bytes, dict[str
         board.close()
 
 
+@pytest.mark.realtime
 def test_a_servo_answers_through_a_paced_board_and_its_pseudo_terminal(
     sketch: Sketch, tmp_path: Path
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
 import struct
 from pathlib import Path
@@ -53,8 +54,6 @@ def examine(servo: Servo | None) -> Report:
     """A check of a bus with that servo."""
 
     async def look() -> Report:
-        import asyncio
-
         world = World(asyncio.get_running_loop().time)
         bus = ServoBus(world, [servo] if servo else [], random.Random(1), usb="none")
 
@@ -80,8 +79,9 @@ def test_a_servo_under_the_board_s_id_is_foreign() -> None:
     assert (report.state, report.model) == ("foreign", 1060)
 
 
-def test_nothing_is_sent_for_two_seconds_after_opening_then_all_is_read() -> None:
-    answers = {
+def board_answers() -> dict[int | tuple[int, ...], bytes]:
+    """A board's status to a ping (1), and to a read by address and length."""
+    return {
         # Ping: model 60200, firmware 3.
         0x01: status(bytes.fromhex("28eb03")),
         (0, 7): status(bytes.fromhex("28ebd4c3b2a103")),
@@ -90,13 +90,19 @@ def test_nothing_is_sent_for_two_seconds_after_opening_then_all_is_read() -> Non
         (116, 84): status(bytes(46) + bytes((5, 1)) + bytes(32) + struct.pack("<I", 70_000)),
     }
 
+
+def asked(piece: bytes) -> int | tuple[int, ...]:
+    """Which of the answers an instruction wants."""
+    return 0x01 if piece[7] == 0x01 else struct.unpack_from("<HH", piece, 8)
+
+
+def test_nothing_is_sent_for_two_seconds_after_opening_then_all_is_read() -> None:
+    answers = board_answers()
+
     def answer(far: FarEnd, piece: bytes) -> None:
-        key = 0x01 if piece[7] == 0x01 else struct.unpack_from("<HH", piece, 8)
-        far.send(answers[key])
+        far.send(answers[asked(piece)])
 
     async def look() -> tuple[Report, float]:
-        import asyncio
-
         began_s = asyncio.get_running_loop().time()
         report = await check.check(far.open, "PORT", SHIPPED)
         return report, far.pieces[0][0] - began_s
@@ -109,6 +115,29 @@ def test_nothing_is_sent_for_two_seconds_after_opening_then_all_is_read() -> Non
     assert report.counters["host_crc_errors"] == 0x0105
     assert report.counters["uptime_s"] == 70_000
     assert report.counters["longest_pass_us"] == 0
+
+
+@pytest.mark.parametrize(("stall_s", "state"), [(4.0, "foreign"), (6.0, "silent")])
+def test_a_board_that_was_kept_in_its_bootloader_is_asked_again_after_a_silence(
+    stall_s: float, state: str
+) -> None:
+    answers = board_answers()
+    far = FarEnd()
+
+    async def look() -> Report:
+        loop = asyncio.get_running_loop()
+        began_s = loop.time()
+
+        def answer(far: FarEnd, piece: bytes) -> None:
+            if loop.time() - began_s > stall_s:
+                far.send(answers[asked(piece)])
+
+        far.answer = answer
+        report = await check.check(far.open, "PORT", SHIPPED)
+        assert loop.time() - began_s < 6.0
+        return report
+
+    assert clock.run(look(), virtual=True).state == state
 
 
 def test_a_flash_that_differs_overrules_what_the_board_says() -> None:

@@ -19,6 +19,8 @@ from tests.cli.conftest import sphmctl as sphmctl
 from tests.cli.conftest import terminal as terminal
 from tests.cli.rig import Sphmctl
 
+pytestmark = pytest.mark.realtime
+
 LONGEST_REFUSAL_S = 10.0
 
 

@@ -48,6 +48,7 @@ def test_build_without_a_compiler_names_the_packages(
     assert told.err.count("\n") == 1
 
 
+@pytest.mark.realtime
 def test_a_silent_board_is_a_verdict_and_no_error(
     sphmctl: Sphmctl, terminal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,6 +89,7 @@ def test_simulate_refuses_what_is_no_hex_file(sphmctl: Sphmctl, tmp_path: Path) 
     assert (tmp_path / "link").read_text() == "precious"
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_simulate_serves_the_shipped_firmware_until_it_is_told_to_end(
     tmp_path: Path, number: signal.Signals

@@ -11,6 +11,8 @@ from sphmctl.drivers.connect import make_arm, make_wrist
 from sphmctl.emulators.cell import EmulatedCell, Setup
 from sphmctl.errors import DeviceError
 
+pytestmark = pytest.mark.realtime
+
 
 def _cell(port: int, device: str, **wrist: object) -> Cell:
     parts = {"driver": "dynamixel", "port": device, **wrist}

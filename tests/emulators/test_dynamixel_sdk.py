@@ -16,6 +16,8 @@ from sphmctl.emulators.world import World
 from sphmctl.emulators.xl430 import Servo
 from tests.emulators.sdk_rig import MOVE_AND_READ, answers_of
 
+pytestmark = pytest.mark.realtime
+
 IDLE_ROUNDS = 300
 PING_1 = bytes.fromhex("FF FF FD 00 01 03 00 01 19 4E")
 

@@ -15,6 +15,8 @@ from sphmctl.emulators.controller import Controller
 from sphmctl.emulators.kvp_server import KvpServer, Latency
 from sphmctl.emulators.world import World
 
+pytestmark = pytest.mark.realtime
+
 HOST = "127.0.0.1"
 
 

@@ -153,6 +153,7 @@ def stood_in_time(name: str, rows: Floats) -> None:
     assert np.abs(np.diff(rows[rows[:, 0] > 1.0, 1:], axis=0)).max() < STILL_DEG
 
 
+@pytest.mark.many
 def test_after_kill_9_the_arm_stands_and_the_next_run_can_begin(place: Place) -> None:
     process = place.start_run("first")
     place.wait_for_motion(process, "first")
