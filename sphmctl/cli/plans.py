@@ -167,7 +167,9 @@ def _show_report(document: dict[str, Any]) -> None:
         more = "more than " if item["beyond"] else ""
         near.add_row(item["name"], f"{more}{item['value']:.4g} {item['unit']}", item["where"])
     console.print(near)
-    console.print(f"without the {document['knots']} stops: {document['without_stops']}", markup=False)
+    console.print(
+        f"without the {document['knots']} stops: {document['without_stops']}", markup=False
+    )
     print(f"feasible: {document['duration_s']:.2f} s")
 
 
