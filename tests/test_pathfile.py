@@ -25,6 +25,7 @@ from sphmctl.pathfile import (
     Speed,
     Spline,
     Wrist,
+    inputs,
     load_path,
 )
 
@@ -397,3 +398,28 @@ def test_junk_in_any_place_is_read_or_refused_in_one_sentence(
     if told is not None:
         assert "\n" not in told.message
         assert "path.yaml" in told.where
+
+
+def test_what_a_path_was_read_from_is_kept_under_the_names_it_gives(tmp_path: FilePath) -> None:
+    home = tmp_path / "paths"
+    (home / "tables").mkdir(parents=True)
+    rows = "x_mm,y_mm,z_mm,theta7_deg,theta8_deg,theta9_deg\n1,2,3,60,60,60\n"
+    for table in (home / "tables" / "near.csv", tmp_path / "far.csv"):
+        table.write_text(rows)
+    file = home / "mine.yaml"
+    moves = "".join(
+        f"  - polyline: {{csv: {name}}}\n" for name in ("tables/near.csv", "../far.csv")
+    )
+    file.write_text(
+        "version: 1\nname: t\nmoves:\n"
+        f"  - ptp: {{pose: [500, 0, 300, 180, 0, 180], cranks_deg: [60, 60, 60]}}\n{moves}"
+    )
+    path = load_path(file)
+    assert inputs(path) == {
+        "path.yaml": file.read_bytes(),
+        "tables/near.csv": rows.encode(),
+        "far.csv": rows.encode(),
+    }
+    file.unlink()
+    with pytest.raises(InvalidError, match=r"mine\.yaml: the file cannot be read"):
+        inputs(path)

@@ -165,7 +165,9 @@ def _show_report(document: dict[str, Any]) -> None:
     near.add_column("at", overflow="fold")
     for item in document["closeness"]:
         more = "more than " if item["beyond"] else ""
-        near.add_row(item["name"], f"{more}{item['value']:.4g} {item['unit']}", item["where"])
+        near.add_row(
+            item["name"], f"{more}{round(item['value'], 6):.4g} {item['unit']}", item["where"]
+        )
     console.print(near)
     console.print(
         f"without the {document['knots']} stops: {document['without_stops']}", markup=False

@@ -69,10 +69,11 @@ def run(
 
     Example: sphmctl run configs/paths/octagon.yaml --dry-run
     """
-    from sphmctl import clock, planner
+    from sphmctl import clock
     from sphmctl.cli.emulation import announce, board_kind, with_board
     from sphmctl.daemon.run import Job
-    from sphmctl.pathfile import load_path
+    from sphmctl.pathfile import inputs, load_path
+    from sphmctl.planner.process import plan_apart
 
     chosen = cell_of(cell)
     chosen = with_board(chosen.for_dry_run() if dry_run else chosen, board_kind(board))
@@ -87,10 +88,11 @@ def run(
     percent = chosen.plan_speed_percent if speed is None else speed
     if not 0.0 < percent <= 100.0:
         raise InvalidError(f"{percent:g} percent; give more than 0, at most 100", "--speed")
-    plan = planner.plan(load_path(path), chosen, percent / 100.0)
-    text = path.read_text(encoding="utf-8")
+    wanted = load_path(path)
+    kept = inputs(wanted)
+    plan = plan_apart(wanted, chosen, percent / 100.0)
     now = datetime.now().astimezone()
-    job = Job(plan, chosen, percent / 100.0, text, runs_dir, now, "virtual" if virtual else "real")
+    job = Job(plan, chosen, percent / 100.0, kept, runs_dir, now, "virtual" if virtual else "real")
     running = _run(job, board_kind(board), seed, virtual, emulated or yes)
     summary, code = clock.run(running, virtual=virtual)
     put(as_json, summary, _show)

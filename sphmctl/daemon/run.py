@@ -40,6 +40,9 @@ from sphmctl.robots import sphm
 ROWS_LIMIT = 1_000_000
 """Rows kept for the report: nearly three hours at 100 Hz, 80 MB; the file gets every row."""
 
+OWN_FILES = ("cell.yaml", "plan.csv", "feedback.csv", "truth.csv", "summary.json")
+"""Names in a run's folder that no input takes."""
+
 
 class TruthSource(Protocol):
     """Knows the true joints of an emulated machine."""
@@ -54,14 +57,14 @@ class Job:
 
     Attributes:
         speed: share by which the plan was scaled.
-        path_text: the path file as it was read.
+        inputs: what the plan was made from, by the name that the run's folder keeps it under.
         clock: "real" or "virtual".
     """
 
     plan: Plan
     cell: Cell
     speed: float
-    path_text: str
+    inputs: dict[str, bytes]
     runs_dir: Path
     started: datetime
     clock: str
@@ -164,7 +167,10 @@ async def _play(
 
 def _write_inputs(folder: Path, job: Job) -> None:
     try:
-        (folder / "path.yaml").write_text(job.path_text)
+        for name, content in job.inputs.items():
+            file = folder / (f"path-{name}" if name in OWN_FILES else name)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content)
         (folder / "cell.yaml").write_text(dump(job.cell))
         (folder / "plan.csv").write_text(planner.plan_csv(job.plan))
     except OSError as error:

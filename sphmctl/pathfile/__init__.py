@@ -1,5 +1,6 @@
 """The path file: named points and moves, still in millimetres and degrees; knows no robot."""
 
+from sphmctl.pathfile.inputs import inputs
 from sphmctl.pathfile.model import (
     Arc,
     Circle,
@@ -27,5 +28,6 @@ __all__ = [
     "Speed",
     "Spline",
     "Wrist",
+    "inputs",
     "load_path",
 ]

@@ -1,4 +1,4 @@
-"""Planning in a process of its own, at the lowest priority, so that a running loop is not delayed.
+"""Planning in a process of its own, at low priority, so that a running loop is not delayed.
 
 A thread would not do: Python runs one at a time. The answer comes back in pieces that are read
 without holding the interpreter, and its arrays are used where they were read to, not copied.
@@ -25,8 +25,9 @@ from sphmctl.planner.plan import plan
 
 T = TypeVar("T")
 
-NICE = 19
-"""The lowest priority there is: the kernel gives it what nobody else wants."""
+NICE = 5
+"""A third of the turns beside a process of normal priority, all of an idle core. At 19, the lowest,
+importing numpy takes minutes on a busy machine."""
 
 TIME_LIMIT_S = 600.0
 """Ten minutes; a plan of 100,000 points takes less than one."""
@@ -59,6 +60,11 @@ class Errand(Generic[T]):
             env={**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
 
+    @property
+    def ended(self) -> bool:
+        """Whether its process is gone."""
+        return self._process.poll() is not None
+
     def cancel(self) -> None:
         """End it, from any thread; `take` then raises at once. Does nothing when it is over."""
         self._cancelled.set()
@@ -83,13 +89,18 @@ class Errand(Generic[T]):
         timer = threading.Timer(timeout_s, expire)
         timer.start()
         try:
-            with self._process, _writer(stdin.fileno()) as requests, _reader(stdout.fileno()) as r:
+            with _writer(stdin.fileno()) as requests, _reader(stdout.fileno()) as answers:
                 _send(requests, [self._request])
-                pieces = _receive(r)
+                pieces = _receive(answers)
         except (EOFError, OSError):
             raise self._no_answer(timeout_s if expired.is_set() else None) from None
+        except BaseException:
+            self._process.kill()
+            raise
         finally:
             timer.cancel()
+            with self._process:
+                pass  # closes both pipes, and waits for its end
         good, answer = pickle.loads(pieces[0], buffers=pieces[1:])
         if not good:
             raise answer
@@ -115,11 +126,13 @@ def plan_apart(path: Path, cell: Cell, speed: float = 1.0, timeout_s: float = TI
 
 def serve() -> None:
     """The other process: one call from standard input, its answer to standard output."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the caller's to act on
     answers = _writer(os.dup(1))
     os.dup2(2, 1)  # what the function prints must not get into the answer
     buffers: list[pickle.PickleBuffer] = []
     try:
         function, args = pickle.loads(_receive(_reader(0))[0])
+        threading.Thread(target=_end_with_caller, daemon=True).start()
         head = pickle.dumps((True, function(*args)), protocol=5, buffer_callback=buffers.append)
     except Exception as problem:
         buffers.clear()
@@ -127,6 +140,12 @@ def serve() -> None:
             problem.add_note("".join(traceback.format_exception(problem)))
         head = pickle.dumps((False, problem), protocol=5)
     _send(answers, [head, *(buffer.raw() for buffer in buffers)])
+
+
+def _end_with_caller() -> None:
+    """Nothing more is sent, so the request's pipe says one thing: that its other end is gone."""
+    os.read(0, 1)
+    os._exit(1)
 
 
 def _reader(fd: int) -> BufferedReader:

@@ -128,8 +128,15 @@ def test_status_of_a_cell_that_is_not_ready_says_why() -> None:
     _on_rig(test)
 
 
+INPUTS = {  # a table may have the name of one of the run's own files
+    "path.yaml": SIDES.encode(),
+    "tables/a.csv": b"x_mm",
+    "plan.csv": b"y_mm",
+}
+
+
 def _job(runs_dir: Path) -> Job:
-    return Job(plan_of(SIDES), emulated_cell(), 1.0, SIDES, runs_dir, NOW, "virtual")
+    return Job(plan_of(SIDES), emulated_cell(), 1.0, INPUTS, runs_dir, NOW, "virtual")
 
 
 def _record(
@@ -160,6 +167,7 @@ def _record(
 
 
 FILES = ("feedback.csv", "truth.csv", "events.jsonl", "plan.csv", "path.yaml", "cell.yaml")
+"""The first three tell a seed; what the plan was made from is the same for all."""
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
@@ -180,7 +188,9 @@ def test_a_run_that_is_stopped_has_its_whole_folder(tmp_path: Path) -> None:
     summary = _record(tmp_path, 1, halt)
     folder = Path(summary["run_dir"])
     assert summary["outcome"] == "stopped"
-    assert {f.name for f in folder.iterdir()} == {*FILES, "summary.json", "report.html"}
+    kept = {str(f.relative_to(folder)) for f in folder.rglob("*") if f.is_file()}
+    assert kept == {*FILES, "summary.json", "report.html", "tables/a.csv", "path-plan.csv"}
+    assert (folder / "path-plan.csv").read_bytes() == INPUTS["plan.csv"]
     assert json.loads((folder / "summary.json").read_text())["outcome"] == "stopped"
     rows = np.genfromtxt(folder / "feedback.csv", delimiter=",", skip_header=1)
     assert 0.4 < rows[-1, 0] < 1.0

@@ -91,9 +91,18 @@ def test_a_narrowed_range_of_the_cell_counts(planned: Planner) -> None:
 def test_a_line_through_axis_1_is_refused_for_a1(planned: Planner) -> None:
     found = problems(planned, line("[0, -400, 900, 180, 0, 0]", "[0, 400, 900, 180, 0, 0]"))
     assert ("A1", "line 5, move 2 (lin), 399.5 mm along") in [(p.joint, p.where) for p in found]
-    near = problems(planned, line("[3, -400, 900, 180, 0, 0]", "[3, 400, 900, 180, 0, 0]"))
-    assert near[0].joint == "A1"
-    assert 398 < float(near[0].where.split(", ")[2].split()[0]) < 405
+
+
+def test_a_line_beside_axis_1_is_planned_while_a1_can_turn_fast_enough(planned: Planner) -> None:
+    text = line("[3, -400, 900, 180, 0, 0]", "[3, 400, 900, 180, 0, 0]")
+    a1 = np.degrees(planned(text).joints[:, 0])
+    # The flange's axis is the tool's: the wrist centre passes 3 mm before axis 1.
+    assert a1[0] == pytest.approx(np.degrees(np.arctan2(400, 3)), abs=1e-6)
+    assert np.ptp(a1) == pytest.approx(2 * a1[0], abs=1e-6)
+    assert (np.diff(a1) <= 1e-9).all()
+    slow = cell_with(a1=Limit(speed_deg_s=0.01))
+    found = problems(planned, text, slow)
+    assert found[0].joint == "A1"
 
 
 def test_a_line_that_arrives_on_another_branch_is_refused(planned: Planner) -> None:

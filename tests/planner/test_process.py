@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path as FilePath
@@ -18,6 +20,8 @@ from sphmctl.errors import InfeasibleError, SphmctlError
 from sphmctl.pathfile import load_path
 from sphmctl.planner import plan
 from sphmctl.planner.process import Errand, plan_apart
+
+pytestmark = pytest.mark.realtime
 
 OCTAGON = FilePath(__file__).parents[2] / "configs" / "paths" / "octagon.yaml"
 CELL = emulated_cell()
@@ -93,9 +97,9 @@ def test_a_mistake_of_ours_comes_back_with_where_it_was_made() -> None:
     assert "in stumble" in "".join(caught.value.__notes__)
 
 
-def test_the_other_process_has_the_lowest_priority_even_beside_an_urgent_one() -> None:
+def test_the_other_process_has_a_low_priority_even_beside_an_urgent_one() -> None:
     with clock.urgent():
-        assert Errand(priority).take() == (19, os.SCHED_OTHER)
+        assert Errand(priority).take() == (5, os.SCHED_OTHER)
 
 
 def test_what_the_function_prints_is_not_taken_for_its_answer() -> None:
@@ -136,6 +140,38 @@ def test_a_process_that_dies_is_told_with_what_ended_it() -> None:
         Errand(end_by_signal).take()
 
 
+def test_ctrl_c_while_a_plan_is_waited_for_ends_both() -> None:
+    errand = Errand(wait_for_ever)
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        errand.take()
+    assert errand.ended
+
+
+CALLER = """
+from sphmctl.planner.process import Errand
+from tests.planner.test_process import own_pid
+errand = Errand(own_pid)
+errand.take()
+"""
+
+
+def own_pid() -> None:
+    """Tells its process's number, and stays."""
+    print(os.getpid(), flush=True, file=sys.stderr)
+    wait_for_ever()
+
+
+def test_the_other_process_ends_with_its_caller_even_a_killed_one() -> None:
+    with subprocess.Popen([sys.executable, "-c", CALLER], stderr=subprocess.PIPE) as caller:
+        assert caller.stderr is not None
+        child = int(caller.stderr.readline())
+        os.kill(child, 0)
+        caller.kill()
+        # The pipe of what both print is at its end when both are gone.
+        assert caller.stderr.read() == b""
+
+
 async def ticks_late(until: asyncio.Future[int]) -> list[float]:
     """A 250 Hz loop's lateness at each tick, s, until something is done."""
     loop, late = asyncio.get_running_loop(), []
@@ -147,7 +183,6 @@ async def ticks_late(until: asyncio.Future[int]) -> list[float]:
     return late
 
 
-@pytest.mark.realtime
 def test_a_loop_at_250_hz_keeps_its_ticks_while_a_plan_is_made_apart() -> None:
     """Idle, apart and, so that the test can fail, in a thread; turn about, for the noise."""
 
