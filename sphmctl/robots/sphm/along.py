@@ -90,9 +90,8 @@ def _answers(
 ) -> tuple[Floats, Floats, Floats]:
     """Flange poses (n, 4, 4), cranks (n, 3), and the arm's branches (n, 8, 6) for each pose."""
     cranks = kr6.snap_to_range(np.asarray(wrist, dtype=np.float64), limits[6:])
-    cranks = np.broadcast_to(cranks, (len(T), 3))
     target = flange_target(T, cranks, tool, mount_yaw)
-    return target, cranks, kr6.inverse(target)
+    return target, np.broadcast_to(cranks, (len(T), 3)), kr6.inverse(target)
 
 
 def _anchor(branches: Floats, limits: Floats) -> int:

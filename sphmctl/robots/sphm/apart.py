@@ -26,9 +26,10 @@ def inverse_apart(
     """
     T, limits = np.asarray(T, dtype=np.float64), np.asarray(limits, dtype=np.float64)
     cranks = kr6.snap_to_range(np.asarray(wrist, dtype=np.float64), limits[6:])
+    target = flange_target(T, cranks, tool, mount_yaw)
     cranks = np.broadcast_to(cranks, (len(T), 3))
     out = np.full((len(T), 9), np.nan)
-    q = kr6.inverse(flange_target(T, cranks, tool, mount_yaw))
+    q = kr6.inverse(target)
     middle = limits[:6].mean(axis=1)
     branches = join(kr6.snap_to_range(turned(q, middle, limits[:6]), limits[:6]), cranks)
     rows = np.flatnonzero(~np.isnan(branches[:, :, 0]).all(axis=1))
