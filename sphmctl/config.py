@@ -166,13 +166,17 @@ class Wrist(BaseModel):
                 )
 
 
+LEAST_RATE_DEG = 0.001
+"""Lowest limit of a joint, deg/s and deg/s2: at which it needs a minute for one servo step."""
+
+
 class Limit(BaseModel):
     """What one joint may do; what is left out is the machine's own."""
 
     model_config = STRICT
     range_deg: tuple[float, ...] | None = None
-    speed_deg_s: Annotated[float, Field(gt=0)] | None = None
-    acceleration_deg_s2: Annotated[float, Field(gt=0)] | None = None
+    speed_deg_s: Annotated[float, Field(ge=LEAST_RATE_DEG)] | None = None
+    acceleration_deg_s2: Annotated[float, Field(ge=LEAST_RATE_DEG)] | None = None
 
 
 class Limits(BaseModel):

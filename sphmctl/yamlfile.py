@@ -169,7 +169,7 @@ def load(path: str | Path, model: type[Model]) -> tuple[Model, Document]:
 def read(path: str | Path) -> Document:
     """Read a YAML file whose top is a mapping. Raises InvalidError."""
     file = str(path)
-    text = _text(file)
+    text = read_text(file)
     bad = _UNPRINTABLE.search(text)
     if bad:
         line, column = _place(text, bad.start())
@@ -197,17 +197,18 @@ def read(path: str | Path) -> Document:
     return Document(file, builder.data, builder.keys, builder.values)
 
 
-def _text(file: str) -> str:
+def read_text(file: str, limit_bytes: int = SIZE_LIMIT_BYTES) -> str:
+    """A whole file of UTF-8. Raises InvalidError, with the line that is not."""
     try:
         with open(file, "rb") as stream:
-            content = stream.read(SIZE_LIMIT_BYTES + 1)
+            content = stream.read(limit_bytes + 1)
     except FileNotFoundError:
         raise InvalidError("there is no such file", file) from None
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or str(problem)
         raise InvalidError(f"the file cannot be read: {reason}", file) from None
-    if len(content) > SIZE_LIMIT_BYTES:
-        raise InvalidError(f"the file is larger than {SIZE_LIMIT_BYTES // 1_000_000} MB", file)
+    if len(content) > limit_bytes:
+        raise InvalidError(f"the file is larger than {limit_bytes // 1_000_000} MB", file)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
@@ -363,6 +364,8 @@ def _explain(
         )
     if kind.endswith("_type") and kind[: -len("_type")] in _KINDS:
         return document.error(loc, f"{value} should be {_KINDS[kind[: -len('_type')]]}")
+    if kind == "too_short" and context["actual_length"] == 0:
+        return document.error(loc, "the list is empty; give at least one item")
     told = first["msg"].replace("Input should be", "should be").replace("String should", "should")
     return document.error(loc, f"{value} {told}")
 

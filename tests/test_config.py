@@ -111,7 +111,7 @@ def test_tools_and_frames_become_matrices_in_metres() -> None:
             "line 21, column 45",
             "361 is more than the machine's own 360",
         ),
-        ("speed_deg_s: 180", "speed_deg_s: 0", "line 21", "should be greater than 0"),
+        ("speed_deg_s: 180", "speed_deg_s: 0", "line 21", "greater than or equal to 0.001"),
         ("a1: {", "theta6: {", "line 21, column 3", "limits.theta6: this key is not known"),
         (
             "[1365, 1365, 1365]",

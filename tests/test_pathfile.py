@@ -297,6 +297,7 @@ def test_every_kind_of_move_reads_as_it_is_written(tmp_path: FilePath) -> None:
         ("  - ptp: A", "  - ptp: A\n    blend_mm: 3", "line 10", "'ptp' takes none"),
         ("blend_mm: 5", "blend_mm: 0", "line 10", "greater than 0"),
         ("csv: rows.csv", "csv: no.csv", "line 19, column 21", "no.csv: there is no such file"),
+        ("csv: rows.csv", "csv: /dev/zero", "line 19, column 21", "larger than 64 MB"),
     ],
 )
 def test_a_wrong_move_is_refused_with_its_place(
@@ -324,7 +325,8 @@ def test_a_blend_needs_a_move_to_blend_into(tmp_path: FilePath) -> None:
         (",theta9_deg", "", "line 1", "the column theta9_deg is missing"),
         ("1.5,100", "1.5x,100", "line 4, column 2", 'y_mm: "1.5x" should be a number'),
         ("1.5,100", "1.5,,100", "line 4", "the row has 10 values; the first line names 9 columns"),
-        ("1.5,100", "nan,100", "line 4, column 2", "y_mm: nan is out of range"),
+        ("1.5,100", "nan,100", "line 4, column 2", "y_mm: nan is no number"),
+        ("1.5,100", "1_5,100", "line 4, column 2", 'y_mm: "1_5" should be a number'),
         ("3e0,100", "3e9,100", "line 5, column 2", "at most 10000 is allowed"),
         ("520,3e0", "510,1.5", "line 5", "the same place as line 4"),
         (ROWS[ROWS.index("500") :], "", "line 19, column 21", "there is no row of points"),

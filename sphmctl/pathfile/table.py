@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from typing import NoReturn
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from sphmctl.errors import InvalidError
 from sphmctl.pathfile.model import Polyline
-from sphmctl.yamlfile import ANGLE_LIMIT_DEG, POSITION_LIMIT_MM, nearest, shown
+from sphmctl.yamlfile import ANGLE_LIMIT_DEG, POSITION_LIMIT_MM, nearest, read_text, shown
 
 PLACE = ("x_mm", "y_mm", "z_mm")
 TURN = ("a_deg", "b_deg", "c_deg")
@@ -54,21 +53,8 @@ def read_polyline(file: str, cranks_needed: bool) -> Polyline:
 
 def _split(file: str) -> tuple[str, list[str], int]:
     """The line of names, the lines below it, and the number of that line."""
-    try:
-        if os.path.getsize(file) > SIZE_LIMIT_BYTES:
-            raise InvalidError(f"the file is larger than {SIZE_LIMIT_BYTES // 1_000_000} MB", file)
-        with open(file, encoding="utf-8-sig", newline=None) as stream:
-            text = stream.read()
-    except UnicodeDecodeError:
-        raise InvalidError("the text is not UTF-8; save it as UTF-8", file) from None
-    except FileNotFoundError:
-        raise InvalidError(
-            "there is no such file; 'csv' is sought beside the path file", file
-        ) from None
-    except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or str(problem)
-        raise InvalidError(f"the file cannot be read: {reason}", file) from None
-    rows = text.split("\n")
+    text = read_text(file, SIZE_LIMIT_BYTES)
+    rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for index, row in enumerate(rows):
         if row.strip():
             return row, rows[index + 1 :], index + 1
@@ -104,14 +90,20 @@ def _explain(file: str, names: list[str], filled: dict[int, str]) -> NoReturn:
                 f"{file}, line {number}",
             )
         for column, value in enumerate(values, 1):
-            try:
-                float(value)
-            except ValueError:
+            if not _is_number(value):
                 raise InvalidError(
                     f"{names[column - 1]}: {shown(value)} should be a number such as 12.5",
                     f"{file}, line {number}, column {column}",
-                ) from None
+                )
     raise InvalidError("the file cannot be read as a table of numbers", file)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text  # Python's alone
 
 
 def _check_values(
@@ -121,9 +113,10 @@ def _check_values(
     beyond = ~(np.abs(rows) <= np.array(limits))
     if beyond.any():
         row, column = (int(x[0]) for x in np.nonzero(beyond))
+        value = rows[row, column]
+        why = f"is out of range; at most {limits[column]:g} is allowed"
         raise InvalidError(
-            f"{names[column]}: {rows[row, column]:g} is out of range; at most {limits[column]:g} "
-            "is allowed",
+            f"{names[column]}: {value:g} {'is no number' if np.isnan(value) else why}",
             f"{file}, line {lines[row]}, column {column + 1}",
         )
 

@@ -92,6 +92,7 @@ class Contour:
         still: the tool point stands: it turns on the spot, or the wrist moves alone; the arc length
             is nominal.
         marks: names of points and the arc length at which they are passed, or nearest, m.
+        pins: arc lengths at which a move gives all nine joints, that move, and these (9,), rad.
     """
 
     spans: tuple[Span, ...]
@@ -99,6 +100,7 @@ class Contour:
     wrist: Track | None
     still: bool = False
     marks: tuple[tuple[str, float], ...] = ()
+    pins: tuple[tuple[float, Move, Floats], ...] = ()
 
     @cached_property
     def edges_m(self) -> Floats:
@@ -114,6 +116,12 @@ class Contour:
     def end(self) -> Floats:
         """Tool pose in the path's base at its end, (4, 4)."""
         return np.asarray(self.pose(np.array([self.length_m]))[0])
+
+    @property
+    def end_joints(self) -> Floats | None:
+        """The nine joints that the path gives for its end."""
+        at_end = [q for s, _, q in self.pins if s > self.length_m - LEAST_CELL_M]
+        return at_end[-1] if at_end else None
 
     def pose(self, s_m: Floats) -> Floats:
         """Tool poses in the path's base (n, 4, 4) at arc lengths s (n,)."""

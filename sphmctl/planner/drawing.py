@@ -66,6 +66,7 @@ class Part:
         total_m: the move's length.
         cranks: arc lengths (k,) and crank angles (k, 3) there, where the path gives them.
         marks: named points and their arc lengths.
+        pins: arc lengths at which the path gives all nine joints, (9,) rad.
         last: the move ends with it.
     """
 
@@ -76,6 +77,7 @@ class Part:
     cranks: tuple[Floats, Floats]
     marks: tuple[tuple[str, float], ...]
     last: bool
+    pins: tuple[tuple[float, Floats], ...] = ()
 
     @property
     def stand(self) -> Stand:
@@ -92,12 +94,13 @@ class Part:
 
 @dataclass(frozen=True)
 class _Goal:
-    """A point to come by, its values resolved: rotation and cranks are None where not given."""
+    """A point to come by, its values resolved: all but the place is None where not given."""
 
     name: str
     xyz: Floats
     rotation: Floats | None
     cranks: Floats | None
+    joints: Floats | None = None
 
 
 def draw(move: Move, begin: Stand, forward: Forward) -> list[Part]:
@@ -131,6 +134,8 @@ def draw(move: Move, begin: Stand, forward: Forward) -> list[Part]:
             goals = [_goal(move.point, forward)]
             way = Segment(start, goals[-1].xyz)
     at = way.joints_m[1:] if isinstance(move.course, Spline) else np.array([way.length_m])
+    if way.length_m < APART_M and not goals:
+        raise InvalidError("it is shorter than 0.001 mm; give a larger angle, or leave it out")
     if way.length_m < APART_M:
         way, at = _spot(start, begin, goals[-1])
     rotation = aligned(move.orientation, way, begin.pose[:3, :3], begin.tangent)
@@ -139,14 +144,19 @@ def draw(move: Move, begin: Stand, forward: Forward) -> list[Part]:
     told = [(s, goal.cranks) for s, goal in zip(at, goals, strict=False)]
     known = [(s, values) for s, values in told if values is not None]
     cranks = np.array([s for s, _ in known]), np.array([c for _, c in known]).reshape(-1, 3)
-    return [Part(move, Shape(way, turn), 0.0, way.length_m, cranks, marks, True)]
+    pins = tuple(
+        (float(s), goal.joints)
+        for s, goal in zip(at, goals, strict=False)
+        if goal.joints is not None
+    )
+    return [Part(move, Shape(way, turn), 0.0, way.length_m, cranks, marks, True, pins)]
 
 
 def _goal(point: Point, forward: Forward) -> _Goal:
     if point.joints_deg is not None:
         joints = np.radians(point.joints_deg)
         pose = forward(joints[None])[0]
-        return _Goal(point.name, pose[:3, 3], pose[:3, :3], joints[6:])
+        return _Goal(point.name, pose[:3, 3], pose[:3, :3], joints[6:], joints)
     cranks = None if point.cranks_deg is None else np.radians(point.cranks_deg)
     if point.pose is None:
         assert point.xyz_mm is not None  # a point has one of the three

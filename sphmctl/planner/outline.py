@@ -214,6 +214,7 @@ def _contour(run: _Run, corners: list[Corner | None]) -> Contour:
     wrists: list[Track] = []
     begins: list[float] = []
     marks: list[tuple[str, float]] = []
+    pins: list[tuple[float, Move, Floats]] = []
     s = 0.0
 
     def add(span: Span, wrist: Track | None) -> None:
@@ -235,6 +236,7 @@ def _contour(run: _Run, corners: list[Corner | None]) -> Contour:
             add(span, wrist.part(begin, end) if wrist is not None else None)
         inside = [(name, at + x - begin) for name, x in part.marks if begin <= x <= end]
         marks += inside
+        pins += [(at + x - begin, part.move, q) for x, q in part.pins if begin <= x <= end]
         if other is not None:
             along = (part.offset_m + end, other.cut_m)
             moves = (part.move, other.behind)
@@ -244,7 +246,7 @@ def _contour(run: _Run, corners: list[Corner | None]) -> Contour:
     policies = {part.move.wrist.policy for part in run.parts}
     policy = policies.pop() if len(policies) == 1 else "cranks"
     track = chain(wrists, begins) if wrists else None
-    return Contour(tuple(spans), policy, track, run.parts[0].still, tuple(marks))
+    return Contour(tuple(spans), policy, track, run.parts[0].still, tuple(marks), tuple(pins))
 
 
 def _ends(part: Part, one: Corner | None, other: Corner | None) -> tuple[float, float]:

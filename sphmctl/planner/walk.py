@@ -89,9 +89,6 @@ class Walker:
             return
         for contour in found:
             self._follow(contour)
-        last = run[-1]
-        if last.point is not None and last.point.joints_deg is not None:
-            self._check_arrival(last, np.radians(last.point.joints_deg))
 
     def _follow(self, contour: Contour) -> None:
         """Follow one contour, the wrist led to where it has to begin first."""
@@ -110,13 +107,15 @@ class Walker:
         self._lay(contour, name)
 
     def _lay(self, contour: Contour, name: str) -> None:
-        way = lay(contour, self.setup, self.joints, finer=self.finer)
+        way = lay(contour, self.setup, self.joints, contour.end_joints, self.finer)
         if isinstance(way, NoWay):
             self.draft.problems += way.problems
             self._arrive(name, None, contour.end)
             return
         add_way(self.draft, way, self._title(contour, name), self.scale)
         self._arrive(name, way.joints[-1], contour.end)
+        for s, move, wanted in contour.pins:
+            self._check_arrival(move, way.joints[int(np.abs(way.s - s).argmin())], wanted)
 
     def _title(self, contour: Contour, name: str) -> str:
         """`A to B (move 2)`, or `here to there (moves 2 to 5)`."""
@@ -124,14 +123,11 @@ class Walker:
         moves = f"move {first}" if first == last else f"moves {first} to {last}"
         return f"{self.name or 'here'} to {name or 'there'} ({moves})"
 
-    def _check_arrival(self, move: Move, wanted: Floats) -> None:
-        """A way to nine given joints may arrive on another branch."""
-        if self.joints is None:
-            return
-        joint = int(np.abs(self.joints - wanted).argmax())
-        if np.abs(self.joints - wanted)[joint] > ARRIVAL_RAD:
-            self.draft.problems.append(_other_branch(move, joint, self.joints, wanted))
-            self.joints = self.near = wanted
+    def _check_arrival(self, move: Move, reached: Floats, wanted: Floats) -> None:
+        """A way to nine given joints may pass or reach them on another branch."""
+        joint = int(np.abs(reached - wanted).argmax())
+        if np.abs(reached - wanted)[joint] > ARRIVAL_RAD:
+            self.draft.problems.append(_other_branch(move, joint, reached, wanted))
 
     def _target(self, move: Move, point: Point) -> tuple[Floats, Floats | None]:
         """The tool pose in the base, and the joints nearest to where we are, of a move's point."""
@@ -216,9 +212,13 @@ def _no_such_tilt(move: Move) -> Problem:
 def _other_branch(move: Move, joint: int, reached: Floats, wanted: Floats) -> Problem:
     name = JOINT_NAMES[joint]
     value, limit = float(np.degrees(reached[joint])), float(np.degrees(wanted[joint]))
+    why = (
+        "its wrist policy has it so; give the point as a pose, or use the policy 'cranks'"
+        if joint >= 6
+        else "it is another branch; give the point as a pose, or use ptp"
+    )
     message = (
-        f"the line arrives with {name} at {value:.6g} degrees, not at the point's {limit:.6g}: "
-        "it is another branch; give the point as a pose, or use ptp"
+        f"the way arrives with {name} at {value:.6g} degrees, not at the point's {limit:.6g}: {why}"
     )
     return Problem(move.where, name, value, limit, message)
 

@@ -45,7 +45,6 @@ def examples(command: str) -> list[str]:
         (("check",), "Missing argument 'PATH'"),
         (("check", "a", "b"), "unexpected extra argument"),
         (("check", "a", "--speed", "fast"), "Invalid value for '--speed'"),
-        (("plan", "a.yaml"), "Missing option '--out'"),
         (("plan", "--out", "a.csv"), "Missing argument 'PATH'"),
         (("run",), "Missing argument 'PATH'"),
         (("emulate", "--kvp-port", "70000"), "Invalid value for '--kvp-port'"),

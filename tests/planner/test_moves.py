@@ -7,12 +7,15 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+import yaml
 
 from sphmctl.config import Cell, Limit, Limits, emulated_cell
 from sphmctl.errors import InfeasibleError, InvalidError, Problem
 from sphmctl.motion import Plan
 from sphmctl.pathfile import load_path
 from sphmctl.planner import approach, check, plan
+from sphmctl.robots import sphm
+from sphmctl.robots.geometry import matrix_to_abc
 from tests.planner.oracle import ACCELERATIONS_RAD_S2, controller_block_s
 
 Planner = Callable[..., Plan]
@@ -278,3 +281,60 @@ def test_the_approach_refuses_joints_far_out_of_range_and_may_have_nothing_to_do
         approach(wrong, start, emulated_cell(), 0.1)
     with pytest.raises(InfeasibleError, match=r"theta7"):
         approach(start, wrong, emulated_cell(), 0.1)
+
+
+PASSED = "[0, -60, 100, 0, 50, 0, 60, 60, 60]"
+PASSED_OVER = "[0, -60, 100, 180, -50, 180, 60, 60, 60]"
+"""The same flange pose, A4 to A6 turned over."""
+
+
+@pytest.fixture
+def through(planned: Planner) -> Callable[..., Plan]:
+    """A line of 100 mm along y, in whose middle the path gives nine joints."""
+    middle = sphm.forward(np.radians([0.0, -60, 100, 0, 50, 0, 60, 60, 60]))
+    abc = np.degrees(matrix_to_abc(middle[:3, :3]))
+    ends = [
+        [*(1000.0 * middle[:3, 3] + [0.0, y, 0.0]).tolist(), *abc.tolist()] for y in (50.0, -50.0)
+    ]
+
+    def make(kind: str, joints: str, wrist: str = "cranks", cranks: str = CRANKS) -> Plan:
+        end = f"{{pose: {ends[1]}, {cranks}}}"
+        moves = {
+            "lin": f"  - lin: {{joints_deg: {joints}}}\n  - lin: {end}\n",
+            "spline": f"  - spline: {{through: [{{joints_deg: {joints}}}, {end}]}}\n",
+            "last": f"  - lin: {{joints_deg: {joints}}}\n",
+        }
+        head = f"wrist: {wrist}\nmoves:\n  - ptp: {{pose: {ends[0]}, {cranks}}}\n"
+        return planned(head + moves[kind])
+
+    return make
+
+
+@pytest.mark.parametrize("joints", [PASSED, PASSED_OVER])
+@pytest.mark.parametrize("kind", ["lin", "spline", "last"])
+def test_nine_joints_that_a_path_gives_are_passed_on_the_way(
+    through: Callable[..., Plan], kind: str, joints: str
+) -> None:
+    plan = through(kind, joints)
+    off = np.abs(np.degrees(plan.joints) - yaml.safe_load(joints)).max(axis=1)
+    # 4 ms at 100 mm/s is 0.4 mm, and the row nearest to the point half of that.
+    assert off.min() < 0.05
+
+
+@pytest.mark.parametrize("wrist", ["level", "tilt", "auto"])
+def test_a_free_wrist_arrives_with_the_joints_that_a_path_gives(
+    through: Callable[..., Plan], wrist: str
+) -> None:
+    end = np.degrees(through("last", PASSED, wrist).joints[-1])
+    np.testing.assert_allclose(end, yaml.safe_load(PASSED), atol=1e-6)
+
+
+def test_nine_joints_that_a_way_does_not_pass_are_refused(through: Callable[..., Plan]) -> None:
+    with pytest.raises(InfeasibleError, match="theta7 at 70 degrees, not at the point's 60"):
+        through("lin", PASSED, "{policy: fixed, cranks_deg: [70, 70, 70]}")
+
+
+def test_a_circle_without_length_is_refused(planned: Planner) -> None:
+    circle = "  - circle: {centre: [500, 50, 300], normal: [0, 0, 1], turn_deg: 0.001}\n"
+    with pytest.raises(InvalidError, match="shorter than 0.001 mm"):
+        planned(line("[500, 0, 300, 180, 0, 180]") + circle)
