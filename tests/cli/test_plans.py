@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -256,7 +255,7 @@ def test_the_optimal_timing_takes_less_along_the_same_path_and_says_what_binds(
     assert "of the time binds: tool speed" in ideal["notes"][-1]
     assert f"as its controller drives {driven['duration_s']:.2f} s" in ideal["notes"][-1]
     for name in ("driven.csv", "ideal.csv"):
-        rows = list(csv.DictReader((tmp_path / name).open()))
+        rows = read_csv(tmp_path / name)
         knots = [row for row in rows if row["knot"]]
         assert len(knots) == ideal["knots"]
     assert told.err.count("Traceback") == 0
