@@ -336,5 +336,5 @@ def test_nine_joints_that_a_way_does_not_pass_are_refused(through: Callable[...,
 
 def test_a_circle_without_length_is_refused(planned: Planner) -> None:
     circle = "  - circle: {centre: [500, 50, 300], normal: [0, 0, 1], turn_deg: 0.001}\n"
-    with pytest.raises(InvalidError, match="shorter than 0.001 mm"):
+    with pytest.raises(InvalidError, match=r"shorter than 0\.001 mm"):
         planned(line("[500, 0, 300, 180, 0, 180]") + circle)
