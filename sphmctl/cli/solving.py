@@ -5,8 +5,7 @@ Imported when one of them runs, for it brings numpy with it.
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,11 @@ import numpy as np
 
 from sphmctl.cli.columns import JOINT_COLUMNS, POSE_COLUMNS, UNITS, read_columns
 from sphmctl.cli.common import numbers, say, whole_file
+from sphmctl.cli.following import follow
 from sphmctl.config import Cell
 from sphmctl.errors import InfeasibleError, InvalidError
 from sphmctl.motion import JOINT_NAMES, Floats
+from sphmctl.planner.legs import Setup
 from sphmctl.robots import rrs, sphm
 from sphmctl.robots.geometry import matrix_to_abc, pose_matrix
 from sphmctl.yamlfile import ANGLE_LIMIT_DEG, POSITION_LIMIT_MM
@@ -28,21 +29,6 @@ TYPED_TOLERANCE_DEG = 1e-6
 MEASURED_TOLERANCE_DEG = 0.15
 """The same for --near, which may be measured: one servo step of 0.09 degrees, and rounding."""
 
-SLOW_ROWS = 100
-"""From so many rows on, searching the wrist pose takes more than some seconds, and we say so."""
-
-FEW_ROWS = 1000
-"""So many rows of a long path tell on which of the arm's branches to begin."""
-
-SMOOTH_RAD = 0.35
-"""A joint that moves further (20 degrees) from row to row has changed branch, as in a plan."""
-
-APART_M, APART_RAD = 0.05, 0.35
-"""Poses further apart (50 mm, 20 degrees) are no neighbours on a path."""
-
-MOST_APART = 1000
-"""With more such rows a file is no path: following it would take milliseconds for each of them."""
-
 JSON_DECIMALS = 12
 """120 degrees by way of radians is not exactly 120; what is cut is far below any accuracy."""
 
@@ -52,17 +38,9 @@ POSE_LIMITS: Floats = np.repeat([POSITION_LIMIT_MM, ANGLE_LIMIT_DEG], 3)
 
 @dataclass(frozen=True)
 class Robot:
-    """The robot as a cell mounts and limits it, with a tool.
+    """The robot as a cell mounts and limits it, with a tool; poses are in the arm's base frame."""
 
-    Attributes:
-        ranges: lowest and highest angle of the nine joints, rad, (9, 2).
-        mount_yaw: leg 1 against the flange's x axis, rad.
-        tool: its frame on the platform, m, (4, 4).
-    """
-
-    ranges: Floats
-    mount_yaw: float
-    tool: Floats
+    setup: Setup
 
     @staticmethod
     def of(cell: Cell, tool: str | None) -> Robot:
@@ -71,7 +49,23 @@ class Robot:
             frame = cell.tool_matrix(tool)
         except InvalidError as problem:
             raise InvalidError(problem.message, "--tool") from None
-        return Robot(cell.ranges_rad, cell.mount_yaw_rad, frame)
+        limits = cell.ranges_rad, cell.speeds_rad_s, cell.accelerations_rad_s2
+        return Robot(Setup(frame, np.eye(4), cell.mount_yaw_rad, *limits))
+
+    @property
+    def ranges(self) -> Floats:
+        """Lowest and highest angle of the nine joints, rad, (9, 2)."""
+        return self.setup.ranges
+
+    @property
+    def mount_yaw(self) -> float:
+        """Leg 1 against the flange's x axis, rad."""
+        return self.setup.mount_yaw
+
+    @property
+    def tool(self) -> Floats:
+        """Its frame on the platform, m, (4, 4)."""
+        return self.setup.tool
 
     def pose(self, joints: Floats) -> Floats:
         """Tool poses (..., 4, 4) of joints (..., 9), m and rad."""
@@ -167,49 +161,13 @@ def inverse_file(robot: Robot, free: Free, source: Path, out: Path) -> dict[str,
     T = _matrices(poses[given])
     joints = np.full((len(poses), 9), np.nan)
     with whole_file(out) as stream:
-        joints[given] = _along(robot, free, T)
+        joints[given] = follow(robot.setup, free.cranks, free.near, T)
         columns.write(stream, JOINT_COLUMNS, np.degrees(joints))
     lost = np.flatnonzero(np.isnan(joints[given, 0]))
     if len(lost):
         first, reason = columns.where(int(given[lost[0]])), _reason(robot, free, T[lost[0]])
         say(f"rows without an answer: {len(lost)}; the first, {first}: {reason}")
     return {"rows": len(poses), "answered": len(given) - len(lost), "out": str(out)}
-
-
-def _along(robot: Robot, free: Free, T: Floats) -> Floats:
-    """Joints (n, 9) along poses (n, 4, 4), each row near to the one before; NaN without answer."""
-    if free.cranks is not None:
-        return _followed(robot, free.cranks, free.near, T)
-    if len(T) >= SLOW_ROWS:
-        say(f"searching the wrist pose of {len(T)} rows; --wrist T7,T8,T9 would be faster")
-    out, near = np.full((len(T), 9), np.nan), free.near
-    for row in _watched(range(len(T))):
-        out[row] = sphm.auto(T[row], robot.tool, near, robot.ranges, robot.mount_yaw)
-        near = near if np.isnan(out[row, 0]) else out[row]
-    return out
-
-
-def _followed(robot: Robot, cranks: Floats, near: Floats | None, T: Floats) -> Floats:
-    """The same with a fixed wrist: along a path, or from pose to pose where it is none."""
-    setup = (robot.tool, robot.ranges, robot.mount_yaw)
-    if _count_apart(T) > MOST_APART:
-        return sphm.inverse_apart(T, cranks, near, *setup)
-    if near is None and len(T) > 2 * FEW_ROWS:
-        # A few rows tell where to begin; if that leads through all rows, no other begin is tried.
-        few = sphm.inverse_along(T[:: len(T) // FEW_ROWS], cranks, None, *setup)
-        joints = sphm.inverse_along(T, cranks, few[0], *setup)
-        with np.errstate(invalid="ignore"):
-            smooth = np.abs(np.diff(joints, axis=0)).max() < SMOOTH_RAD  # NaN is not
-        if smooth:
-            return joints
-    return sphm.inverse_along(T, cranks, near, *setup)
-
-
-def _count_apart(T: Floats) -> int:
-    """How many poses lie too far from the one before to go on from it."""
-    moved = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1) > APART_M
-    cosine = ((T[1:, :3, :3] * T[:-1, :3, :3]).sum(axis=(1, 2)) - 1.0) / 2.0
-    return int((moved | (cosine < np.cos(APART_RAD))).sum())
 
 
 def _reason(robot: Robot, free: Free, T: Floats) -> str:
@@ -269,13 +227,3 @@ def _poses(T: Floats) -> Floats:
 def _rounded(values: Any) -> Any:
     """An array as numbers for JSON, without the noise of the last digits."""
     return (np.round(values, JSON_DECIMALS) + 0.0).tolist()
-
-
-def _watched(rows: range) -> Iterable[int]:
-    """The same rows, with a progress bar on a terminal."""
-    if not sys.stderr.isatty():
-        return rows
-    from rich.console import Console
-    from rich.progress import track
-
-    return track(rows, "searching", console=Console(stderr=True), transient=True)

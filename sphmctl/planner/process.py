@@ -116,7 +116,8 @@ class Errand(Generic[T]):
         how = (
             f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
         )
-        return SphmctlError(f"planning gave no answer: its process {how}; is there enough memory?")
+        hint = "; is there enough memory?" if code == -signal.SIGKILL else ""
+        return SphmctlError(f"planning gave no answer: its process {how}{hint}")
 
 
 def plan_apart(path: Path, cell: Cell, speed: float = 1.0, timeout_s: float = TIME_LIMIT_S) -> Plan:

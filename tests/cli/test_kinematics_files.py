@@ -143,6 +143,38 @@ def test_auto_goes_on_from_row_to_row(sphmctl: Sphmctl, tmp_path: Path) -> None:
         np.testing.assert_allclose(reached, machine.abc_rotation(*wanted[3:]), atol=1e-9)
 
 
+def test_auto_leads_the_wrist_over_a_whole_path_round_a_row_that_nothing_reaches(
+    sphmctl: Sphmctl, tmp_path: Path
+) -> None:
+    y = np.linspace(-300.0, 300.0, 601)
+    poses = np.column_stack([450.0 + 0.0 * y, y, 250.0 + 0.0 * y, 180.0 + 0.05 * y])
+    rows = [",".join(map(str, row)) + ",15,180" for row in poses.tolist()]
+    rows[400] = FAR_POSE
+    source, out = write(tmp_path / "in.csv", POSE_HEADER, rows), tmp_path / "out.csv"
+    told = sphmctl("ik", "--csv", source, "--out", out, "--json")
+    assert told.document["answered"] == len(rows) - 1
+    joints = table(out, JOINT_COLUMNS)
+    # A millimetre and 0.05 degrees a row; an arm's joint 0.3 m from the tool turns by 0.2 degrees.
+    assert np.nanmax(np.abs(np.diff(joints[:400], axis=0))) < 2.0
+    assert np.nanmax(np.abs(np.diff(joints[401:], axis=0))) < 2.0
+
+
+def test_poses_that_are_no_path_are_searched_together(sphmctl: Sphmctl, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    low, high = np.degrees(sphm.RANGES9).T
+    joints = rng.uniform(low, high, (400, 9))
+    source = write(
+        tmp_path / "j.csv", JOINT_HEADER, [",".join(map(str, row)) for row in joints.tolist()]
+    )
+    poses, out, back = (tmp_path / name for name in ("poses.csv", "out.csv", "back.csv"))
+    sphmctl("fk", "--csv", source, "--out", poses)
+    told = sphmctl("ik", "--csv", poses, "--out", out, "--json")
+    assert told.document["answered"] == 400
+    sphmctl("fk", "--csv", out, "--out", back)
+    apart_mm = table(back, POSE_COLUMNS)[:, :3] - table(poses, POSE_COLUMNS)[:, :3]
+    assert np.abs(apart_mm).max() < 1e-5
+
+
 def test_a_long_path_begins_on_the_branch_that_the_whole_path_wants(
     sphmctl: Sphmctl, tmp_path: Path
 ) -> None:
