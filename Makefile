@@ -35,7 +35,7 @@ coverage: $(VENV)/dev.stamp
 	$(BIN)/pytest -n auto --dist worksteal -m 'not hardware and not realtime and not many' --cov --cov-report=term
 
 # Each figure beside its reference, in one run; minutes, so not part of `test`.
-bench: $(VENV)/dev.stamp
+bench: $(VENV)/bench.stamp
 	$(BIN)/python tools/bench/all.py
 
 # Ten simulated minutes of the board's full cycle at 50 and at 100 Hz: minutes too.
@@ -51,6 +51,10 @@ $(VENV)/run.stamp: $(VENV)/bin/python pyproject.toml
 
 $(VENV)/dev.stamp: $(VENV)/bin/python pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+$(VENV)/bench.stamp: $(VENV)/bin/python pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,bench]'
 	touch $@
 
 clean:
