@@ -28,6 +28,9 @@ MOST_ROWS = 1_000_000
 DECIMALS = 9
 """Of the numbers written: 1e-9 degrees of every joint move the tool by less than 1e-7 mm."""
 
+TOGETHER = 1000
+"""Rows written at one go: more are not faster, and their numbers would fill the memory."""
+
 UNITS = {"deg": "degrees", "mm": "millimetres"}
 
 
@@ -106,14 +109,7 @@ class Columns:
         header = [*self.header, *(name for name in names if name not in self.header)]
         at = [header.index(name) for name in names]
         csv.writer(stream, lineterminator="\n").writerow(header)
-        rounded = np.round(values, DECIMALS) + 0.0  # + 0.0 turns -0.0 into 0.0
-        text, gap = ",".join(["%.12g"] * len(names)), "," * (len(names) - 1)
-        lost = np.isnan(rounded[:, 0]).tolist()
-        tails = (
-            gap if empty else text % tuple(numbers)
-            for numbers, empty in zip(rounded.tolist(), lost, strict=True)
-        )
-        rows = zip(self.rows, tails, strict=True)
+        rows = zip(self.rows, _texts(values), strict=True)
         if at == list(range(len(self.header), len(header))):
             stream.writelines(f"{row},{tail}\n" for row, tail in rows)
             return
@@ -220,6 +216,17 @@ def _split(row: str) -> list[str]:
     if '"' not in row:
         return row.split(",")
     return next(csv.reader(StringIO(row, newline=""), strict=True))
+
+
+def _texts(values: Floats) -> Iterator[str]:
+    """Each row of numbers (n, k) as fields; empty ones for a row of NaN."""
+    count = values.shape[1]
+    row = ",".join(["%.12g"] * count)
+    for i in range(0, len(values), TOGETHER):
+        rounded = np.round(values[i : i + TOGETHER], DECIMALS) + 0.0  # turns -0.0 into 0.0
+        text = "\n".join([row] * len(rounded)) % tuple(rounded.ravel().tolist())
+        for line in text.split("\n"):
+            yield "," * (count - 1) if "nan" in line else line
 
 
 def _placed(fields: list[str], at: Sequence[int], texts: Sequence[str]) -> list[str]:

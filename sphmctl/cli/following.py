@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sphmctl.cli.common import say
+from sphmctl.cli.robot import Robot
 from sphmctl.motion import Floats
-from sphmctl.planner.legs import Setup
-from sphmctl.planner.policies import Auto, Resolved
-from sphmctl.planner.redundancy import resolve
 from sphmctl.robots import sphm
 
 SLOW_ROWS = 1000
@@ -37,96 +35,103 @@ MOST_PATHS = 20
 """With more such rows no wrist poses are sought along the paths between: seconds for each."""
 
 
-def follow(setup: Setup, cranks: Floats | None, near: Floats | None, T: Floats) -> Floats:
+def follow(robot: Robot, cranks: Floats | None, near: Floats | None, T: Floats) -> Floats:
     """Joints (n, 9) for poses (n, 4, 4); rows of NaN have no answer.
 
     Args:
-        setup: the robot; its base is not used.
+        robot: with its tool.
         cranks: crank angles (3,); None: they are searched.
         near: joints (9,) just before the first pose, or None.
         T: tool poses in the arm's base frame.
     """
     if cranks is not None:
-        return _with_cranks(setup, cranks, near, T)
+        return _with_cranks(robot, cranks, near, T)
     if not len(T):
         return np.empty((0, 9))
     if len(T) >= SLOW_ROWS:
         say(f"searching the wrist pose of {len(T)} rows; --wrist T7,T8,T9 would be faster")
     cuts = np.flatnonzero(_apart(T)) + 1
     if len(cuts) > MOST_PATHS:
-        return _each(setup, T)
+        return _each(robot, T)
     out = np.full((len(T), 9), np.nan)
     for rows in np.split(np.arange(len(T)), cuts):
-        out[rows] = _path(setup, near, T[rows])
+        out[rows] = _path(robot, near, T[rows])
         answered = out[rows][~np.isnan(out[rows, 0])]
         near = answered[-1] if len(answered) else near
     return out
 
 
-def _with_cranks(setup: Setup, cranks: Floats, near: Floats | None, T: Floats) -> Floats:
-    robot = (setup.tool, setup.ranges, setup.mount_yaw)
+def _with_cranks(robot: Robot, cranks: Floats, near: Floats | None, T: Floats) -> Floats:
+    setup = (robot.tool, robot.ranges, robot.mount_yaw)
     if np.count_nonzero(_apart(T)) > MOST_APART:
-        return sphm.inverse_apart(T, cranks, near, *robot)
+        return sphm.inverse_apart(T, cranks, near, *setup)
     if near is None and len(T) > 2 * FEW_ROWS:
         # A few rows tell where to begin; if that leads through all rows, no other begin is tried.
-        few = sphm.inverse_along(T[:: len(T) // FEW_ROWS], cranks, None, *robot)
-        joints = sphm.inverse_along(T, cranks, few[0], *robot)
+        few = sphm.inverse_along(T[:: len(T) // FEW_ROWS], cranks, None, *setup)
+        joints = sphm.inverse_along(T, cranks, few[0], *setup)
         with np.errstate(invalid="ignore"):
             smooth = np.abs(np.diff(joints, axis=0)).max() < SMOOTH_RAD  # NaN is not
         if smooth:
             return joints
-    return sphm.inverse_along(T, cranks, near, *robot)
+    return sphm.inverse_along(T, cranks, near, *setup)
 
 
-def _path(setup: Setup, near: Floats | None, T: Floats) -> Floats:
+def _path(robot: Robot, near: Floats | None, T: Floats) -> Floats:
     """Joints along one path, its wrist poses searched over the whole of it."""
-    joints = _whole(setup, near, T)
+    joints = _whole(robot, near, T)
     if joints is not None:
         return joints
-    reached = ~np.isnan(_each(setup, T)[:, 0])
+    reached = ~np.isnan(_each(robot, T)[:, 0])
     if reached.all():
-        return _row_by_row(setup, near, T)
+        return _row_by_row(robot, near, T)
     out = np.full((len(T), 9), np.nan)
     ends = np.flatnonzero(np.diff(reached)) + 1
     for rows in np.split(np.arange(len(T)), ends):
         if reached[rows[0]]:
-            joints = _whole(setup, near, T[rows])
-            out[rows] = _row_by_row(setup, near, T[rows]) if joints is None else joints
+            joints = _whole(robot, near, T[rows])
+            out[rows] = _row_by_row(robot, near, T[rows]) if joints is None else joints
             near = out[rows[-1]]
     return out
 
 
-def _whole(setup: Setup, near: Floats | None, T: Floats) -> Floats | None:
+def _whole(robot: Robot, near: Floats | None, T: Floats) -> Floats | None:
     """Joints along a path that one policy resolves as a whole, or None."""
+    # The planner takes longer to import than a fixed wrist takes to solve.
+    from sphmctl.planner.legs import Setup
+    from sphmctl.planner.policies import Auto, Resolved
+    from sphmctl.planner.redundancy import resolve
+
     start = None
     if near is not None:
-        start = _nearest(setup, near, T[0])
+        start = _nearest(robot, near, T[0])
         if np.isnan(start[0]):
             return None
+    limits = robot.ranges, robot.speeds, robot.accelerations
+    setup = Setup(robot.tool, np.eye(4), robot.mount_yaw, *limits)
     way = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1)
     found = resolve(T, np.concatenate([[0.0], np.cumsum(way)]), Auto(), setup, start)
     return found.joints if isinstance(found, Resolved) else None
 
 
-def _row_by_row(setup: Setup, near: Floats | None, T: Floats) -> Floats:
+def _row_by_row(robot: Robot, near: Floats | None, T: Floats) -> Floats:
     """Each row near to the one before."""
     out = np.full((len(T), 9), np.nan)
     for row in _watched(range(len(T))):
-        out[row] = _nearest(setup, near, T[row])
+        out[row] = _nearest(robot, near, T[row])
         near = near if np.isnan(out[row, 0]) else out[row]
     return out
 
 
-def _each(setup: Setup, T: Floats) -> Floats:
+def _each(robot: Robot, T: Floats) -> Floats:
     """Each pose by itself."""
     out = np.empty((len(T), 9))
     for row in _watched(range(0, len(T), TOGETHER)):
-        out[row : row + TOGETHER] = _nearest(setup, None, T[row : row + TOGETHER])
+        out[row : row + TOGETHER] = _nearest(robot, None, T[row : row + TOGETHER])
     return out
 
 
-def _nearest(setup: Setup, near: Floats | None, T: Floats) -> Floats:
-    return sphm.auto(T, setup.tool, near, setup.ranges, setup.mount_yaw)
+def _nearest(robot: Robot, near: Floats | None, T: Floats) -> Floats:
+    return sphm.auto(T, robot.tool, near, robot.ranges, robot.mount_yaw)
 
 
 def _apart(T: Floats) -> NDArray[np.bool_]:

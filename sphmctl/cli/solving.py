@@ -15,10 +15,9 @@ import numpy as np
 from sphmctl.cli.columns import JOINT_COLUMNS, POSE_COLUMNS, UNITS, read_columns
 from sphmctl.cli.common import numbers, say, whole_file
 from sphmctl.cli.following import follow
-from sphmctl.config import Cell
+from sphmctl.cli.robot import Robot
 from sphmctl.errors import InfeasibleError, InvalidError
 from sphmctl.motion import JOINT_NAMES, Floats
-from sphmctl.planner.legs import Setup
 from sphmctl.robots import rrs, sphm
 from sphmctl.robots.geometry import matrix_to_abc, pose_matrix
 from sphmctl.yamlfile import ANGLE_LIMIT_DEG, POSITION_LIMIT_MM
@@ -34,42 +33,6 @@ JSON_DECIMALS = 12
 
 POSE_LIMITS: Floats = np.repeat([POSITION_LIMIT_MM, ANGLE_LIMIT_DEG], 3)
 """Of x, y, z, A, B, C; the same as in path files."""
-
-
-@dataclass(frozen=True)
-class Robot:
-    """The robot as a cell mounts and limits it, with a tool; poses are in the arm's base frame."""
-
-    setup: Setup
-
-    @staticmethod
-    def of(cell: Cell, tool: str | None) -> Robot:
-        """Raises InvalidError for a tool that the cell does not have."""
-        try:
-            frame = cell.tool_matrix(tool)
-        except InvalidError as problem:
-            raise InvalidError(problem.message, "--tool") from None
-        limits = cell.ranges_rad, cell.speeds_rad_s, cell.accelerations_rad_s2
-        return Robot(Setup(frame, np.eye(4), cell.mount_yaw_rad, *limits))
-
-    @property
-    def ranges(self) -> Floats:
-        """Lowest and highest angle of the nine joints, rad, (9, 2)."""
-        return self.setup.ranges
-
-    @property
-    def mount_yaw(self) -> float:
-        """Leg 1 against the flange's x axis, rad."""
-        return self.setup.mount_yaw
-
-    @property
-    def tool(self) -> Floats:
-        """Its frame on the platform, m, (4, 4)."""
-        return self.setup.tool
-
-    def pose(self, joints: Floats) -> Floats:
-        """Tool poses (..., 4, 4) of joints (..., 9), m and rad."""
-        return sphm.forward(joints, self.tool, self.mount_yaw)
 
 
 @dataclass(frozen=True)
@@ -161,7 +124,7 @@ def inverse_file(robot: Robot, free: Free, source: Path, out: Path) -> dict[str,
     T = _matrices(poses[given])
     joints = np.full((len(poses), 9), np.nan)
     with whole_file(out) as stream:
-        joints[given] = follow(robot.setup, free.cranks, free.near, T)
+        joints[given] = follow(robot, free.cranks, free.near, T)
         columns.write(stream, JOINT_COLUMNS, np.degrees(joints))
     lost = np.flatnonzero(np.isnan(joints[given, 0]))
     if len(lost):

@@ -25,6 +25,7 @@ from scipy.spatial.transform import RigidTransform
 
 from sphmctl.cli import solving
 from sphmctl.cli.columns import POSE_COLUMNS
+from sphmctl.cli.robot import Robot
 from sphmctl.config import emulated_cell
 from sphmctl.motion import Floats
 from sphmctl.robots import kr6, sphm
@@ -122,7 +123,7 @@ def file_contest(folder: Path) -> Contest:
     source, out = folder / "poses.csv", folder / "joints.csv"
     table = np.hstack([T[:, :3, 3] * 1000.0, abc])
     np.savetxt(source, table, "%.9f", ",", header=",".join(POSE_COLUMNS), comments="")
-    robot = solving.Robot.of(emulated_cell(), None)
+    robot = Robot.of(emulated_cell(), None)
     free = solving.Free.of(robot, "60,50,70", None)
     return Contest(
         "ik --csv, fixed wrist, a file of poses",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sphmctl.motion import Floats
 from sphmctl.robots import kr6
 from sphmctl.robots.sphm.chain import BLOCK, RANGES9, flange_target, join, margin_of, turned
+
+Indices: TypeAlias = NDArray[np.intp]
 
 
 def inverse_apart(
@@ -28,31 +32,42 @@ def inverse_apart(
     cranks = kr6.snap_to_range(np.asarray(wrist, dtype=np.float64), limits[6:])
     target = flange_target(T, cranks, tool, mount_yaw)
     cranks = np.broadcast_to(cranks, (len(T), 3))
+    before = None if start is None else np.asarray(start, dtype=np.float64)[:6]
     out = np.full((len(T), 9), np.nan)
-    q = kr6.inverse(target)
-    middle = limits[:6].mean(axis=1)
-    branches = join(kr6.snap_to_range(turned(q, middle, limits[:6]), limits[:6]), cranks)
-    rows = np.flatnonzero(~np.isnan(branches[:, :, 0]).all(axis=1))
-    if not len(rows):
-        return out
-    arm = branches[rows, :, :6]
-    if start is None:
-        cost = -margin_of(branches[rows[0]], limits)
-    else:
-        cost = np.abs(arm[0] - np.asarray(start, dtype=np.float64)[:6]).max(axis=1)
-    branch = int(np.nanargmin(cost))
-    chosen = [branch]
-    for i in range(0, len(arm) - 1, BLOCK):
-        for after in _nearest(arm[i : i + BLOCK + 1]).tolist():
-            branch = after[branch]
-            chosen.append(branch)
-    out[rows] = branches[rows, chosen]
+    for i in range(0, len(T), BLOCK):
+        branches = _branches(target[i : i + BLOCK], cranks[i : i + BLOCK], limits)
+        rows = np.flatnonzero(~np.isnan(branches[:, :, 0]).all(axis=1))
+        if len(rows):
+            chosen = _chosen(branches[rows], before, limits)
+            out[i + rows] = chosen
+            before = chosen[-1, :6]
     return out
 
 
-def _nearest(arm: Floats) -> Floats:
+def _branches(target: Floats, cranks: Floats, limits: Floats) -> Floats:
+    """Joints (n, 8, 9) of flange poses (n, 4, 4), turned towards mid-range; NaN beyond it."""
+    arm = turned(kr6.inverse(target), limits[:6].mean(axis=1), limits[:6])
+    return join(kr6.snap_to_range(arm, limits[:6]), cranks)
+
+
+def _chosen(branches: Floats, before: Floats | None, limits: Floats) -> Floats:
+    """Of branches (n, 8, 9) those (n, 9) that go on from `before` (6,), each from the last."""
+    arm = branches[:, :, :6]
+    cost = -margin_of(branches[0], limits)
+    if before is not None:
+        cost = np.abs(arm[0] - before).max(axis=1)
+    branch = int(np.nanargmin(cost))
+    chosen = [branch]
+    for after in _nearest(arm.astype(np.float32)).tolist():
+        branch = after[branch]
+        chosen.append(branch)
+    return np.asarray(branches[np.arange(len(arm)), chosen])
+
+
+def _nearest(arm: NDArray[np.float32]) -> Indices:
     """Of branches (m, 8, 6), which of the next row is nearest to each of a row, (m - 1, 8)."""
-    way = np.zeros((len(arm) - 1, 8, 8))
+    way = np.zeros((len(arm) - 1, 8, 8), dtype=np.float32)
     for joint in range(6):
         np.maximum(way, np.abs(arm[:-1, :, None, joint] - arm[1:, None, :, joint]), out=way)
-    return np.asarray(np.nan_to_num(way, nan=np.inf).argmin(axis=2))
+    way[np.isnan(way)] = np.inf
+    return np.asarray(way.argmin(axis=2))
