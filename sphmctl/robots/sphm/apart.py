@@ -58,16 +58,19 @@ def _chosen(branches: Floats, before: Floats | None, limits: Floats) -> Floats:
         cost = np.abs(arm[0] - before).max(axis=1)
     branch = int(np.nanargmin(cost))
     chosen = [branch]
-    for after in _nearest(arm.astype(np.float32)).tolist():
+    for after in _nearest(arm).tolist():
         branch = after[branch]
         chosen.append(branch)
     return np.asarray(branches[np.arange(len(arm)), chosen])
 
 
-def _nearest(arm: NDArray[np.float32]) -> Indices:
+def _nearest(arm: Floats) -> Indices:
     """Of branches (m, 8, 6), which of the next row is nearest to each of a row, (m - 1, 8)."""
-    way = np.zeros((len(arm) - 1, 8, 8), dtype=np.float32)
-    for joint in range(6):
-        np.maximum(way, np.abs(arm[:-1, :, None, joint] - arm[1:, None, :, joint]), out=way)
+    by_joint = np.ascontiguousarray(arm.transpose(2, 1, 0), dtype=np.float32)
+    way = np.zeros((8, 8, len(arm) - 1), dtype=np.float32)
+    step = np.empty_like(way)
+    for joint in by_joint:
+        np.subtract(joint[:, None, :-1], joint[None, :, 1:], out=step)
+        np.maximum(way, np.abs(step, out=step), out=way)
     way[np.isnan(way)] = np.inf
-    return np.asarray(way.argmin(axis=2))
+    return np.asarray(way.argmin(axis=1).T)
