@@ -39,8 +39,8 @@ class Wrist:
             on the flange), "tilt" (the flange keeps its orientation), "motion" (heave and tilt as
             given here), "auto" (chosen by the planner).
         cranks_deg: for "fixed": the angles to keep; None: those at the move's start.
-        heave_mm: for "level" and "motion": at begin and end; None: free.
-        tilt_deg: for "motion": at begin and end.
+        heave_mm: for "level" and "motion": at begin and end; None: free. A ptp takes the begin's.
+        tilt_deg: for "motion": at begin and end. A ptp takes the begin's.
         tilt_turns: for "motion": how often the tilt's direction turns round along the move.
         tilt_towards_deg: for "motion": its direction at the begin, about the wrist's z from leg 1.
     """

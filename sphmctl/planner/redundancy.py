@@ -17,8 +17,8 @@ from sphmctl.errors import InvalidError, Problem
 from sphmctl.motion import Floats
 from sphmctl.planner.legs import Setup
 from sphmctl.planner.policies import cost
-from sphmctl.planner.policies.families import LevelFamily, TiltFamily
-from sphmctl.planner.policies.free import resolve_auto, resolve_free
+from sphmctl.planner.policies.families import Family, FreeFamily, LevelFamily, TiltFamily
+from sphmctl.planner.policies.free import resolve_best
 from sphmctl.planner.policies.kinds import Auto, Cranks, Fixed, Level, Motion, Policy, Tilt
 from sphmctl.planner.policies.known import ARRIVAL_RAD, Task, resolve_cranks
 from sphmctl.planner.policies.outcome import Outcome, Reason, Resolved, Unresolved
@@ -28,8 +28,8 @@ from sphmctl.robots.sphm.wrist_grid import heave_range, steepest_tilt
 HEAVE_TOLERANCE_M = 1e-9
 """A heave so far beyond what a tilt allows stands on the edge: rounding of mm with six decimals."""
 
-FIXED_SHARES = (0.5, 0.25, 0.75, 0.05, 0.95)
-"""Of the cranks' range: equal crank angles that `Auto` falls back on."""
+HELD_SHARES = (0.5, 0.25, 0.75, 0.05, 0.95)
+"""Of the range of a free heave: what is tried without change where the search fails."""
 
 
 def resolve(
@@ -70,14 +70,16 @@ def _resolve(task: Task, policy: Policy) -> Outcome:
         case Level(heave_m):
             if heave_m is None:
                 family = LevelFamily.of(rows, task.setup.ranges)
-                return _misfit(task, None) or resolve_free(task, family)
+                return _misfit(task, None) or _one_free(task, family)
             level = np.zeros(rows)
             return _posed(task, level, level, _rows(heave_m, rows))
         case Tilt(flange, heave_m):
             return _tilt(task, flange, heave_m)
         case Auto(also):
             others = (_resolve(task, other) for other in also)
-            return resolve_auto(task, _chain(others, _between(task)), _fallback(task))
+            free = FreeFamily.of(rows, task.setup.ranges)
+            also_between = _chain(others, _between(task, free))
+            return resolve_best(task, free, also_between, _fallback(task))
 
 
 def _chain(*parts: Iterator[Outcome]) -> Iterator[Outcome]:
@@ -85,23 +87,44 @@ def _chain(*parts: Iterator[Outcome]) -> Iterator[Outcome]:
         yield from part
 
 
-def _between(task: Task) -> Iterator[Outcome]:
-    """The cranks straight from the start's to the end's, where both are given."""
-    if task.start is None or task.end is None:
-        return
+def _between(task: Task, family: Family) -> Iterator[Outcome]:
+    """The wrist's pose straight from the start's to the end's, where both are given."""
+    if task.start is not None and task.end is not None:
+        yield _straight(task, family, *(family.values(q[6:]) for q in (task.start, task.end)))
+
+
+def _straight(task: Task, family: Family, begin: Floats, end: Floats) -> Outcome:
+    """Joints for a family's parameters (d,) that run straight from a begin to an end."""
     share = task.way_m[:, None] / max(float(task.way_m[-1]), cost.SHORTEST_M)
-    yield resolve_cranks(task, task.start[6:] + share * (task.end[6:] - task.start[6:]))
+    values = np.clip(begin + share * (end - begin), family.low, family.high)
+    return resolve_cranks(task, np.asarray(family.cranks(np.arange(len(values)), values)))
+
+
+def _one_free(task: Task, family: Family) -> Outcome:
+    """The best heaves, never worse than the one that is given, if one is."""
+    return resolve_best(task, family, _held(task, family), _constant(task, family))
+
+
+def _held(task: Task, family: Family) -> Iterator[Outcome]:
+    """The heave as it is given: kept, or straight from the start's to the end's."""
+    given = [family.values(q[6:]) for q in (task.start, task.end) if q is not None]
+    if given:
+        yield _straight(task, family, given[0], given[-1])
+
+
+def _constant(task: Task, family: Family) -> Iterator[Outcome]:
+    """Heaves without change, where none is given and the wrist can hold them all along."""
+    low, high = family.low.max(axis=0), family.high.min(axis=0)
+    if task.start is None and task.end is None and (low <= high).all():
+        for share in HELD_SHARES:
+            yield _straight(task, family, *[low + share * (high - low)] * 2)
 
 
 def _fallback(task: Task) -> Iterator[Outcome]:
     """What the other policies can do without being told more."""
-    low, high = task.setup.ranges[6:].T
     for given in (task.start, task.end):
         if given is not None:
             yield _resolve(task, Fixed(given[6:]))
-    if task.start is None and task.end is None:
-        for share in FIXED_SHARES:
-            yield _resolve(task, Fixed(low + share * (high - low)))
     yield _resolve(task, Level())
     yield _resolve(task, Tilt())
 
@@ -119,7 +142,7 @@ def _rows(values: ArrayLike, rows: int, *width: int) -> Floats:
 
 def _posed(task: Task, direction: Floats, tilt: Floats, heave_m: Floats) -> Outcome:
     """Joints for wrist poses that are known."""
-    problem = _impossible(task.setup, direction, tilt, heave_m)
+    problem = impossible(task.setup, direction, tilt, heave_m)
     if problem is not None:
         return Unresolved((problem,))
     low, high = heave_range(direction, tilt, task.setup.ranges[6:])
@@ -127,10 +150,10 @@ def _posed(task: Task, direction: Floats, tilt: Floats, heave_m: Floats) -> Outc
     return resolve_cranks(task, np.clip(cranks, *task.setup.ranges[6:].T))
 
 
-def _impossible(
-    setup: Setup, direction: Floats, tilt: Floats, heave_m: Floats | None
+def impossible(
+    setup: Setup, direction: Floats, tilt: Floats, heave_m: Floats | None = None
 ) -> Reason | None:
-    """The first row whose tilt or heave the wrist cannot hold."""
+    """The first row (of n) whose tilt, or heave if one is given, the wrist cannot hold."""
     low, high = heave_range(direction, tilt, setup.ranges[6:])
     wrong = ~(low <= high + HEAVE_TOLERANCE_M)
     if heave_m is not None:
@@ -167,18 +190,23 @@ def _tilt(task: Task, flange: Floats | None, heave_m: Floats | None) -> Outcome:
         normal = kr6.forward(task.start[:6])[:3, 2]
     else:
         normal = platform[0, :, 2]
-    # The flange's z from the platform is (-sin t cos s, -sin t sin s, cos t): see `rrs.inverse`.
-    x, y, z = (normal @ platform).T
-    direction, tilt = np.arctan2(-y, -x), np.arctan2(np.hypot(x, y), z)
+    direction, tilt = leaning(platform, normal)
     if heave_m is not None:
         return _posed(task, direction, tilt, _rows(heave_m, rows))
-    problem = _impossible(setup, direction, tilt, None)
+    problem = impossible(setup, direction, tilt)
     if problem is not None:
         return Unresolved((problem,))
     limits = setup.ranges[6:]
     low, high = heave_range(direction, tilt, limits)
     family = TiltFamily(low[:, None], np.maximum(low, high)[:, None], direction, tilt, limits)
-    return _misfit(task, normal) or resolve_free(task, family)
+    return _misfit(task, normal) or _one_free(task, family)
+
+
+def leaning(platform: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """Direction and tilt, (n,), of platforms (n, 3, 3) on a flange whose z is `normal` (3,)."""
+    # The flange's z from the platform is (-sin t cos s, -sin t sin s, cos t): see `rrs.inverse`.
+    x, y, z = (normal @ platform).T
+    return np.arctan2(-y, -x), np.arctan2(np.hypot(x, y), z)
 
 
 def _misfit(task: Task, normal: Floats | None) -> Unresolved | None:
@@ -208,4 +236,12 @@ def _misfit(task: Task, normal: Floats | None) -> Unresolved | None:
     return None
 
 
-__all__ = ["Outcome", "Reason", "Resolved", "Unresolved", "resolve"]
+__all__ = [
+    "Outcome",
+    "Reason",
+    "Resolved",
+    "Unresolved",
+    "impossible",
+    "leaning",
+    "resolve",
+]

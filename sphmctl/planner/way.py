@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,6 +20,7 @@ from sphmctl.planner.shapes import Shape, Spot
 from sphmctl.planner.spline import Track
 from sphmctl.planner.turning import Between
 from sphmctl.robots import rrs, sphm
+from sphmctl.robots.sphm.wrist_grid import heave_range
 
 POINTS = 720
 """Steps on a way, at least, at whose ends it is examined. Knots stand there too: 2, 3, 4, 5, 6, 8,
@@ -35,6 +37,10 @@ SAME_RAD = 1e-9
 
 SPOT_M_RAD = 0.1
 """Nominal length of a wrist's motion on the spot, per radian."""
+
+HEAVES = 9
+"""From the lowest to the highest, 5 mm apart: begins to which the wrist is led where the heave at
+which it stands leads nowhere."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,8 @@ class Way:
         near = np.stack([np.interp(s, self.s, column) for column in self.joints.T], axis=1)
         cranks = _cranks(self.contour.wrist_at(s, self.begin_cranks), self.setup)
         if cranks is None:
-            cranks = _smooth(s, self.s, self.joints[:, 6:])
+            smooth = _smooth(s, self.s, self.joints[:, 6:])
+            cranks = np.clip(smooth, *self.setup.ranges[6:].T)  # beside an end it overshoots
         pose, setup = self.contour.pose(s), self.setup
         joints = sphm.inverse_best(
             setup.base @ pose, cranks, setup.tool, near, NO_RANGES, setup.mount_yaw
@@ -147,6 +154,7 @@ def lay(
     begin: Floats | None,
     end: Floats | None = None,
     finer: int = 1,
+    policy: Policy | None = None,
 ) -> Way | NoWay:
     """Follow a contour with all nine joints.
 
@@ -154,17 +162,15 @@ def lay(
         begin: joints (9,) at its begin; None lets them be chosen.
         end: joints (9,) that it has to arrive with, where its wrist policy leaves a choice.
         finer: rows to each one that a way usually has.
+        policy: of the wrist, instead of the contour's.
     """
     s = contour.grid(min(SPACING_M, contour.length_m / POINTS) / finer)
     pose = contour.pose(s)
     goal = contour.wrist_at(s, None if begin is None else begin[6:])
+    if goal.cranks_rad is not None and np.isnan(goal.cranks_rad).any():
+        return NoWay(())  # the cranks are not known: a move before has been refused
     target = setup.base @ pose
-    outcome = resolve(target, s, _policy(goal), setup, begin, end)
-    if isinstance(outcome, Unresolved) and goal.policy == "tilt" and begin is not None:
-        # The search over heaves is coarse beside A5 = 0; the heave as it is may lead through.
-        heave = rrs.tilt_of(rrs.forward(begin[6:]))[2]
-        held = resolve(target, s, Tilt(None, np.full(len(s), heave)), setup, begin, end)
-        outcome = outcome if isinstance(held, Unresolved) else held
+    outcome = resolve(target, s, policy or _policy(goal), setup, begin, end)
     if isinstance(outcome, Unresolved):
         told = [
             replace(reason.problem, where=where(contour, float(s[reason.row])))
@@ -180,24 +186,52 @@ def relocation(contour: Contour, setup: Setup, begin: Floats) -> Contour | None:
     Args:
         begin: joints (9,) before it.
     """
-    first = np.zeros(1)
-    cranks = _cranks(contour.wrist_at(first, begin[6:]), setup)
-    if cranks is None or np.abs(cranks[0] - begin[6:]).max() < SAME_RAD:
-        return None
-    return on_the_spot(contour, begin[6:], cranks[0])
+    cranks = _cranks(contour.wrist_at(np.zeros(1), begin[6:]), setup)
+    if cranks is None or not np.abs(cranks[0] - begin[6:]).max() >= SAME_RAD:
+        return None  # where the wrist cannot stand so, the contour's own refusal says why
+    values = np.column_stack([np.stack([begin[6:], cranks[0]]), np.zeros(2)])
+    return _on_the_spot(contour, "cranks", values, begin[6:], cranks[0])
 
 
-def on_the_spot(contour: Contour, begin: Floats, end: Floats) -> Contour:
-    """The cranks from (3,) to (3,) while the tool stands at a contour's begin."""
+def held(contour: Contour, setup: Setup, begin: Floats) -> Iterator[tuple[Contour | None, Policy]]:
+    """For a free heave: one that is kept all along, and what leads to it on the spot before.
+
+    The heave as it is comes first, then others, the nearest first.
+
+    Args:
+        begin: joints (9,) before it.
+    """
+    if contour.policy not in ("level", "tilt") or contour.wrist is not None:
+        return
+    direction, tilt, now = rrs.tilt_of(rrs.forward(begin[6:]))
+    then = 0.0 if contour.policy == "level" else tilt
+    low, high = heave_range(direction, then, setup.ranges[6:])
+    others = np.linspace(low, high, HEAVES)
+    others = others[np.argsort(np.abs(others - now))]
+    for heave in [np.clip(now, low, high), *others]:
+        cranks = np.clip(rrs.inverse(direction, then, heave), *setup.ranges[6:].T)
+        values = np.array([[now, tilt, direction], [heave, then, direction]])
+        stays = np.abs(cranks - begin[6:]).max() < SAME_RAD
+        spot = None if stays else _on_the_spot(contour, "motion", values, begin[6:], cranks)
+        yield spot, Level(heave) if contour.policy == "level" else Tilt(None, heave)
+
+
+def _on_the_spot(
+    contour: Contour, policy: str, values: Floats, begin: Floats, end: Floats
+) -> Contour:
+    """The wrist from cranks (3,) to (3,) while the tool stands at a contour's begin.
+
+    Args:
+        values: the policy's parameters at begin and end, (2, d).
+    """
     move, along = contour.move_at(0.0)
     length = SPOT_M_RAD * float(np.abs(end - begin).max())
     pose = contour.pose(np.zeros(1))[0]
     R = pose[:3, :3]
     shape = Shape(Spot(pose[:3, 3], length), Between(R, R, length))
     span = Span(shape, 0.0, length, (move,), (along, along))
-    values = np.column_stack([np.stack([begin, end]), np.zeros(2)])
     track = Track.monotone(np.array([0.0, length]), values)
-    return Contour((span,), "cranks", track, True)
+    return Contour((span,), policy, track, True)
 
 
 def _policy(goal: WristGoal) -> Policy:

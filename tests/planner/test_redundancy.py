@@ -176,6 +176,25 @@ def test_tilt_from_a_start_keeps_the_starts_flange() -> None:
     np.testing.assert_allclose(normal - kr6.forward(start[:6])[:3, 2], 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("crank_deg", [None, 40.0, 60.0, 80.0])
+def test_a_free_heave_is_never_dearer_than_a_kept_one(crank_deg: float | None) -> None:
+    # Close to A5 = 0, where A4 and A6 turn faster than the search can follow.
+    target, s_m = line((560, 20, 60, 180, 0, 180), (560, 60, 60, 180, 18, 180), 801)
+    setup = replace(SETUP, tool=pose_matrix([0.0, 0.0, 0.0589], [0.0, 0.0, 0.0]), mount_yaw=0.0)
+    if crank_deg is None:
+        good(resolve(target, s_m, Level(), setup), target, setup)
+        return
+    kept = resolve(target, s_m, Fixed(np.radians([crank_deg] * 3)), setup)
+    start = good(kept, target, setup)[0]
+    for policy in (Level(), Tilt()):
+        free = resolve(target, s_m, policy, setup, start)
+        good(free, target, setup)
+        if isinstance(policy, Level):
+            assert isinstance(kept, Resolved)
+            assert isinstance(free, Resolved)
+            assert free.cost <= kept.cost
+
+
 def test_motion_turns_the_tilt_as_it_is_told() -> None:
     target, s_m = DOWN
     turning = np.linspace(0.0, 4.0 * np.pi, len(s_m))

@@ -82,8 +82,9 @@ def test_the_octagon_with_its_singular_poses_and_limits_is_not_refused(timing: s
 
 def test_a_tilt_that_no_cranks_hold_is_told_at_a_ptp_too(tmp_path: FilePath) -> None:
     file = tmp_path / "path.yaml"
-    text = "version: 1\nname: t\nwrist: {heave_mm: 70, tilt_deg: [0, 50]}\n"
+    text = "version: 1\nname: t\nwrist: {heave_mm: 70, tilt_deg: [50, 0]}\n"
     file.write_text(text + "moves:\n  - ptp: {pose: [500, -100, 300, 180, 0, 180]}\n")
     (problem,) = draw_up(load_path(file), emulated_cell()).problems
-    assert (problem.where, problem.value) == ("line 5, move 1 (ptp)", 50.0)
-    assert "cannot hold a tilt of 50 degrees at a heave of 70 mm" in problem.message
+    assert (problem.where, problem.value) == ("line 5, move 1 (ptp)", 70.0)
+    assert problem.limit == pytest.approx(64.5508, abs=1e-4)
+    assert "a heave of 70 mm; tilted by 50 degrees towards 0 degrees it goes" in problem.message

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sphmctl.motion import Floats
-from sphmctl.planner.policies.families import Family, FreeFamily
+from sphmctl.planner.policies.families import Family
 from sphmctl.planner.policies.graph import Ridge, Seed, cheapest, has_answer, layer_rows
 from sphmctl.planner.policies.known import Task, resolve_cranks
 from sphmctl.planner.policies.outcome import Outcome, Reason, Resolved, Unresolved
@@ -47,15 +47,16 @@ def resolve_free(task: Task, family: Family, seeds: tuple[Seed, ...] = ()) -> Ou
     return failed
 
 
-def resolve_auto(task: Task, others: Iterator[Outcome], fallback: Iterator[Outcome]) -> Outcome:
-    """The cheapest joints of all.
+def resolve_best(
+    task: Task, family: Family, others: Iterator[Outcome], fallback: Iterator[Outcome]
+) -> Outcome:
+    """The cheapest joints of the family's and of others.
 
     Args:
-        others: answers of other policies, which are part of the graph and compared with the result.
+        others: answers that are part of the graph and compared with the result.
         fallback: answers that are asked for when there is no other.
     """
     known = [outcome for outcome in others if isinstance(outcome, Resolved)]
-    family = FreeFamily.of(len(task.target), task.setup.ranges)
     found = resolve_free(task, family, tuple(Seed(outcome.joints) for outcome in known))
     if isinstance(found, Resolved):
         known.append(found)

@@ -225,8 +225,8 @@ def _torn(row: int, before: Layer, here: Layer) -> Reason:
     name, value = JOINT_NAMES[joint], float(np.degrees(steps[least][joint]))
     limit = float(np.degrees(STEP_RAD[joint]))
     message = (
-        f"no arm branch and wrist pose lead on continuously from here: {name} at least would have "
-        f"to turn {value:.4g} degrees at once; lead the path round, or use ptp"
+        "no arm branch and wrist pose that was tried leads on from here: the smoothest would turn "
+        f"{name} {value:.4g} degrees at once; lead the path round, or use ptp"
     )
     return Reason(row, Problem("", name, value, limit, message))
 

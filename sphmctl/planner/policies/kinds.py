@@ -32,7 +32,7 @@ class Level:
 
     Attributes:
         heave_m: height of the platform over the wrist's base plane, (n,); None leaves it free: it
-            is then chosen along the whole path, so that the arm moves little.
+            is then chosen along the whole path, from the start's on, so that the arm moves little.
     """
 
     heave_m: Floats | None = None

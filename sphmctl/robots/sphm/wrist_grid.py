@@ -7,14 +7,9 @@ from numpy.typing import ArrayLike
 
 from sphmctl.motion import Floats
 from sphmctl.robots import rrs
-from sphmctl.robots.geometry import TURN
 
 STEEPEST_RAD = float(np.radians(60.0))
 """No direction allows more: a sixth of a turn moves the legs' ends by twice the cranks' reach."""
-
-DIRECTIONS = 720
-"""Directions of the table of steepest tilts, half a degree apart: interpolation is then within
-0.02 degrees."""
 
 HALVINGS = 30
 """Of the bracket around the steepest tilt: to 1e-9 rad."""
@@ -52,10 +47,10 @@ def _height(crank: Floats, x: Floats) -> Floats:
 
 def steepest_tilt(direction: ArrayLike, ranges: ArrayLike = rrs.RANGES) -> Floats:
     """The largest tilt, rad, for which there is a heave, with all smaller ones possible too."""
-    table = np.linspace(0.0, TURN, DIRECTIONS, endpoint=False)
-    low, high = np.zeros(DIRECTIONS), np.full(DIRECTIONS, STEEPEST_RAD)
+    towards = np.asarray(direction, dtype=np.float64)
+    low, high = np.zeros(towards.shape), np.full(towards.shape, STEEPEST_RAD)
     for _ in range(HALVINGS):
         middle = (low + high) / 2.0
-        lowest, highest = heave_range(table, middle, ranges)
+        lowest, highest = heave_range(towards, middle, ranges)
         low, high = np.where(lowest <= highest, [middle, high], [low, middle])
-    return np.asarray(np.interp(np.asarray(direction, dtype=np.float64), table, low, period=TURN))
+    return low
