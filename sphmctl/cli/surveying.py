@@ -57,7 +57,14 @@ class Choice:
 
 
 def survey(cell: Cell, choice: Choice) -> dict[str, Any]:
-    """The command's document; writes the files asked for, each whole or not at all."""
+    """The command's document; writes the files asked for, each whole or not at all.
+
+    Raises:
+        InvalidError: two of them are the same file, one cannot be written, or no such tool.
+    """
+    files = [path.resolve() for path in (choice.plot, choice.csv, choice.map) if path]
+    if len(set(files)) < len(files):
+        raise InvalidError("give --plot, --csv and --map each its own file", "command line")
     try:
         tool = cell.tool_matrix(choice.tool)
     except InvalidError as problem:
@@ -180,7 +187,7 @@ def _write_map(stream: TextIO, found: Survey, able: capability.Capability) -> No
     shares: list[Floats] = [100.0 * capability.share(reached) for reached in pair]
     leans: list[Floats] = [np.degrees(capability.lean(reached)) for reached in pair]
     free = [
-        marked(points, found.plane, grid)
+        marked(points, found.mirrored, grid)
         for points in (cloud.flange_m[cloud.arm_free], cloud.point_m[cloud.free])
     ]
     reached = able.arm.any(axis=-1) | able.hybrid.any(axis=-1)

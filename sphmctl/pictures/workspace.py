@@ -6,6 +6,9 @@ hybrid on the right. Light and dark.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
+
 import numpy as np
 
 from sphmctl.motion import Floats
@@ -16,16 +19,22 @@ from sphmctl.pictures.plot import STYLE as PLOT_STYLE
 from sphmctl.robots.sphm.workspace import Survey
 from sphmctl.robots.sphm.workspace_capability import Capability, lean, share
 from sphmctl.robots.sphm.workspace_robot import Bools
+from sphmctl.robots.sphm.workspace_sampling import in_space
 from sphmctl.robots.sphm.workspace_slices import Grid, Slice, cells, marked
 
-SPACE_DOTS, PLANE_DOTS = 6000, 8000
-"""Samples drawn: enough to fill a panel, and a picture of less than a megabyte."""
+SPACE_DOTS, PLANE_DOTS = 7000, 8000
+"""Samples drawn, those in space less the ones that collide: enough to fill a panel, and a picture
+of less than a megabyte."""
 
 OUTLINE_CELL_M = 0.004
 """Of the grid whose steps draw an outline: less than a pixel."""
 
 PANEL_WIDTH, PANEL_HEIGHT = 530.0, 480.0
-HEAD = 24.0
+HEAD, KEY = 24.0, 18.0
+"""Above a panel, for its title and for what its colours mean."""
+KEY_PX, LETTER_PX = 10.0, 5.8
+"""A key's patch, and what a letter beside it takes on average."""
+
 AZIMUTH_RAD, ELEVATION_RAD = float(np.radians(-50.0)), float(np.radians(22.0))
 """Where the clouds are looked at from: from the front, a little from the right, and from above."""
 
@@ -33,7 +42,10 @@ AXES_M = 1.2
 BANDS = 5
 """Colours of height in the clouds, and steps of the maps."""
 
-LEAN_STEPS_DEG = (0.0, 15.0, 30.0, 60.0, 90.0)
+HEIGHTS_MM = (-100, 300, 700, 1100)
+"""Where one colour of the clouds ends and the next begins."""
+
+LEAN_STEPS_DEG = (0, 15, 30, 60, 90)
 """From where each step of the map of leans begins."""
 
 STYLE = (
@@ -42,6 +54,7 @@ STYLE = (
 .dots { stroke-width: 1.6; opacity: .5; } .outline { stroke-width: 1.6; }
 .beyond { stroke: var(--c2); } .alone { stroke: var(--c1); } .soft { stroke: var(--soft); }
 .cell { stroke: var(--c3); stroke-linecap: square; stroke-width: var(--cell); }
+.key { stroke-width: 10; opacity: .8; }
 """
     + "\n".join(f".m{k} {{ opacity: {0.15 + 0.2 * k:.2f}; }}" for k in range(BANDS))
 )
@@ -57,35 +70,28 @@ def picture(survey: Survey, map_: Capability, notes: tuple[str, ...]) -> str:
         parts.append(charts.text("note", EDGE, y, note))
         y += 19.0
     cloud = survey.cloud
-    arm = cloud.flange_m[cloud.arm_free], cloud.axis_1[cloud.arm_free]
-    hybrid = cloud.point_m[cloud.free], cloud.axis_1[cloud.free]
-    # At 90 degrees of axis 1 the horizontal coordinate y runs against the arm's forward.
-    ahead = np.where(cloud.joints[:, :1] > 0.0, [-1.0, 1.0], [1.0, 1.0])
-    arm_forward, forward = ahead[cloud.arm_free] * arm[0], ahead[cloud.free] * hybrid[0]
+    arm, hybrid = cloud.flange_m[cloud.arm_free], cloud.point_m[cloud.free]
+    arm_spun, hybrid_spun = in_space(survey.robot, cloud, SPACE_DOTS)
     rows = [
         [
-            _space("Arm alone: samples in space", arm_forward, arm[1]),
-            _space("Hybrid: samples in space", forward, hybrid[1]),
+            _space("Arm alone: samples in space", arm_spun),
+            _space("Hybrid: samples in space", hybrid_spun),
         ],
         [
-            _cut("Arm alone: samples and cut", survey, arm[0], (survey.arm_cut,)),
-            _cut(
-                "Hybrid: samples and cut; the arm's inside",
-                survey,
-                hybrid[0],
-                (survey.hybrid_cut, survey.arm_cut),
-            ),
+            _cut("Arm alone: samples and cut", survey, arm, (survey.arm_cut,)),
+            _cut("Hybrid: samples and cut", survey, hybrid, (survey.hybrid_cut, survey.arm_cut)),
         ],
-        _maps(survey, map_, arm[0], hybrid[0]),
-        _leans(survey, map_, arm[0], hybrid[0]),
+        _maps(survey, map_, arm, hybrid),
+        _leans(survey, map_, arm, hybrid),
     ]
     for row in rows:
-        for column, (head, chart) in enumerate(row):
+        for column, panel in enumerate(row):
             x = EDGE + column * (PANEL_WIDTH + GAP)
-            parts.append(charts.text("head", x, y + 14.0, head))
-            parts.append(f'<g style="--cell: {_cell_px(chart, map_.grid):.2f}px">')
-            parts += [charts.place(chart, x, y + HEAD), "</g>"]
-        y += HEAD + PANEL_HEIGHT + 10.0
+            parts.append(charts.text("head", x, y + 14.0, panel.chart.title))
+            parts += _key(panel.key, x, y + HEAD + 8.0)
+            parts.append(f'<g style="--cell: {_cell_px(panel.chart, map_.grid):.2f}px">')
+            parts += [charts.place(panel.chart, x, y + HEAD + KEY), "</g>"]
+        y += HEAD + KEY + PANEL_HEIGHT + 10.0
     size = f'width="{WIDTH:g}" height="{y:g}" viewBox="0 0 {WIDTH:g} {y:g}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img">'
     page = f'<rect class="page" width="{WIDTH:g}" height="{y:g}"/>'
@@ -93,23 +99,44 @@ def picture(survey: Survey, map_: Capability, notes: tuple[str, ...]) -> str:
     return "\n".join([head, about, f"<style>{STYLE}</style>", page, *parts, "</svg>\n"])
 
 
-Panel = tuple[str, Chart]
+@dataclass(frozen=True)
+class Panel:
+    """A chart, and its key: the style of each kind of dot, cell or line, and what it means."""
+
+    chart: Chart
+    key: tuple[tuple[str, str], ...]
 
 
-def _space(head: str, point_m: Floats, axis_1: Floats) -> Panel:
-    """A cloud seen from aside, by height; each sample stands where its axis 1 was drawn."""
-    some = _some(len(point_m), SPACE_DOTS)
-    forward, z = point_m[some].T
-    xyz = np.stack([forward * np.cos(axis_1[some]), -forward * np.sin(axis_1[some]), z])
-    band = np.digitize(z, np.linspace(-0.55, 1.5, BANDS + 1)[1:-1])
-    seen = _seen(xyz)
+def _key(entries: tuple[tuple[str, str], ...], x: float, y: float) -> list[str]:
+    """Patches with their meaning in a row from x on; lines as short strokes."""
+    parts = []
+    for style, meaning in entries:
+        line = style.startswith("outline")
+        end, shape = (KEY_PX, style) if line else (0.0, f"{style} key")
+        start = x if line else x + KEY_PX / 2.0
+        parts.append(f'<path class="line {shape}" d="M{start:.1f} {y:.1f}h{end:g}"/>')
+        parts.append(charts.text("tick", x + KEY_PX + 5.0, y + 3.5, meaning))
+        x += KEY_PX + 18.0 + LETTER_PX * len(meaning)
+    return parts
+
+
+def _space(head: str, point_m: Floats) -> Panel:
+    """A cloud (n, 3) seen from aside, by height."""
+    band = np.digitize(1e3 * point_m[:, 2], HEIGHTS_MM)
+    seen = _seen(point_m.T)
     lines = [_dots(seen[:, band == k], f"dots s{5 - k}") for k in range(BANDS) if (band == k).any()]
     tips = AXES_M * np.eye(3)
     marks = []
     for (across, up), name in zip((_seen(tips) * 1e3).T.tolist(), "xyz", strict=True):
         lines.append(Line(np.array([0.0, across]), np.array([0.0, up]), "outline soft"))
         marks.append(Mark(across, up, name))
-    return head, _chart(head, tuple(lines), "across the view, mm", "up the view, mm", tuple(marks))
+    ends = [f"{edge}".replace("-", "−") for edge in HEIGHTS_MM]
+    between = [f"{low} to {high}" for low, high in pairwise(ends)]
+    names = f"z below {ends[0]}", *between, f"above {ends[-1]} mm"
+    return Panel(
+        _chart(head, tuple(lines), "across the view, mm", "up the view, mm", tuple(marks)),
+        tuple((f"dots s{5 - k}", name) for k, name in enumerate(names)),
+    )
 
 
 def _seen(xyz: Floats) -> Floats:
@@ -120,7 +147,7 @@ def _seen(xyz: Floats) -> Floats:
 
 
 def _cut(head: str, survey: Survey, point_m: Floats, cuts: tuple[Slice, ...]) -> Panel:
-    some = point_m[_some(len(point_m), PLANE_DOTS)]
+    some = point_m[:PLANE_DOTS]  # samples come in no order
     grid = survey.grid(OUTLINE_CELL_M)
     styles = ("outline alone",) if len(cuts) == 1 else ("outline beyond", "outline alone")
     lines = [_dots(some.T, "dots soft")]
@@ -128,7 +155,9 @@ def _cut(head: str, survey: Survey, point_m: Floats, cuts: tuple[Slice, ...]) ->
         _outline(cells(cut, survey.plane, grid), grid, style)
         for cut, style in zip(cuts, styles, strict=True)
     ]
-    return head, _chart(head, tuple(lines), _across(survey), "z, mm")
+    names = ("the hybrid's cut", "the arm's cut")[-len(cuts) :]
+    key = ("dots soft", "samples free of collisions"), *zip(styles, names, strict=True)
+    return Panel(_chart(head, tuple(lines), _across(survey), "z, mm"), key)
 
 
 def _outline(inside: Bools, grid: Grid, style: str) -> Line:
@@ -161,8 +190,9 @@ def _maps(survey: Survey, map_: Capability, arm_m: Floats, hybrid_m: Floats) -> 
     ):
         value = np.where(reached.any(axis=-1), share(reached), np.nan)
         band = np.minimum(np.floor(value * BANDS), BANDS - 1)
-        head = f"{name}: directions that can be pointed to, in steps of 20 %"
-        panels.append(_mapped(survey, map_.grid, head, band, points))
+        head = f"{name}: how many of all directions can be pointed to"
+        ends = [f"{100 * k // BANDS} to {100 * (k + 1) // BANDS} %" for k in range(BANDS)]
+        panels.append(_mapped(survey, map_.grid, head, band, points, ends))
     return panels
 
 
@@ -175,14 +205,17 @@ def _leans(survey: Survey, map_: Capability, arm_m: Floats, hybrid_m: Floats) ->
     ):
         angle = np.degrees(lean(reached))
         band = np.where(np.isnan(angle), np.nan, np.digitize(angle + 1e-9, LEAN_STEPS_DEG) - 1.0)
-        head = f"{name}: lean from straight down, from 0, 15, 30, 60, 90 degrees"
-        panels.append(_mapped(survey, map_.grid, head, band, points))
+        head = f"{name}: how far one may lean from straight down"
+        ends = [f"{low} to {high}°" for low, high in pairwise((*LEAN_STEPS_DEG, 180))]
+        panels.append(_mapped(survey, map_.grid, head, band, points, ends))
     return panels
 
 
-def _mapped(survey: Survey, grid: Grid, head: str, band: Floats, point_m: Floats) -> Panel:
-    """Cells in steps; those without a sample free of collisions stay empty."""
-    band = np.where(marked(point_m, survey.plane, grid), band, np.nan)
+def _mapped(
+    survey: Survey, grid: Grid, head: str, band: Floats, point_m: Floats, names: list[str]
+) -> Panel:
+    """Cells in steps of these names; those without a sample free of collisions stay empty."""
+    band = np.where(marked(point_m, survey.mirrored, grid), band, np.nan)
     lines = []
     for k in range(BANDS):
         column, row = np.nonzero(band == k)
@@ -193,7 +226,8 @@ def _mapped(survey: Survey, grid: Grid, head: str, band: Floats, point_m: Floats
         survey.grid(OUTLINE_CELL_M),
         "outline soft",
     )
-    return head, _chart(head, (*lines, edge), _across(survey), "z, mm")
+    key = tuple((f"cell m{k}", name) for k, name in enumerate(names))
+    return Panel(_chart(head, (*lines, edge), _across(survey), "z, mm"), key)
 
 
 def _dots(place_m: Floats, style: str) -> Line:
@@ -201,11 +235,6 @@ def _dots(place_m: Floats, style: str) -> Line:
     x, y = np.full((2, 2 * place_m.shape[1]), np.nan)
     x[::2], y[::2] = place_m * 1e3
     return Line(x, y, style)
-
-
-def _some(count: int, most: int) -> slice:
-    """The first ones: samples come in no order."""
-    return slice(0, min(count, most))
 
 
 def _across(survey: Survey) -> str:

@@ -18,6 +18,14 @@ wrist: {driver: emulated}
 limits:
   a1: {range_deg: [-80, 80]}
 """
+WALLED = """\
+version: 1
+name: walled
+arm: {driver: emulated, model: KR6R900}
+wrist: {driver: emulated}
+obstacles: {planes: {wall: {point_mm: [0, 500, 0], normal: [0, -1, 0]}}}
+"""
+SOFT_AND_BANDS = {"soft", *(f"s{k}" for k in range(1, 6))}
 
 
 def test_the_document_has_the_fields_of_the_contract(sphmctl: Sphmctl) -> None:
@@ -63,6 +71,21 @@ def test_samples_and_map_are_written_and_the_samples_agree_with_fk(
     assert any(row["hybrid_lean_deg"] == "" for row in cells)
 
 
+def test_a_cell_with_obstacles_is_surveyed_with_all_files(sphmctl: Sphmctl, tmp_path: Path) -> None:
+    (tmp_path / "walled.yaml").write_text(WALLED)
+    files = ("--plot", "w.svg", "--csv", "samples.csv", "--map", "map.csv")
+    told = sphmctl("workspace", *FEW, *files, "--plane", "a1_90", "--cell", "walled.yaml", "--json")
+    assert told.code == 0, told.err
+    for part in (told.document["kuka"], told.document["hybrid"]):
+        left, right = part["horizontal_mm"]
+        assert left < -900.0
+        assert 495.0 < right < 500.0
+    for row in read_csv(tmp_path / "samples.csv"):
+        assert row["collides"] == "1" or float(row["y_mm"]) < 500.0
+    behind = [row for row in read_csv(tmp_path / "map.csv") if float(row["horizontal_mm"]) > 525.0]
+    assert {row["kuka_free"] + row["hybrid_free"] for row in behind} == {"00"}
+
+
 @pytest.mark.parametrize("plane", ["a1_0", "a1_90"])
 def test_the_picture_is_svg_with_eight_panels(sphmctl: Sphmctl, tmp_path: Path, plane: str) -> None:
     told = sphmctl("workspace", *FEW, "--plane", plane, "--plot", "w.svg", "--json")
@@ -72,6 +95,12 @@ def test_the_picture_is_svg_with_eight_panels(sphmctl: Sphmctl, tmp_path: Path, 
     assert len(panels) == 8
     labels = [panel.get("aria-label") for panel in panels]
     assert labels[:2] == ["Arm alone: samples in space", "Hybrid: samples in space"]
+    texts = [text.text for text in tree.iter("{http://www.w3.org/2000/svg}text")]
+    for meaning in ("z below −100", "above 1100 mm", "the arm's cut", "0 to 20 %", "90 to 180°"):
+        assert texts.count(meaning) == 2
+    keys = [path.get("class", "").split() for path in tree.iter("{http://www.w3.org/2000/svg}path")]
+    patches = [style[-2] for style in keys if style[-1] == "key"]
+    assert sorted(set(patches)) == sorted({*(f"m{k}" for k in range(5)), *SOFT_AND_BANDS})
     assert "http" not in (tmp_path / "w.svg").read_text().replace("http://www.w3.org/2000/svg", "")
 
 
@@ -80,6 +109,8 @@ def test_the_picture_is_svg_with_eight_panels(sphmctl: Sphmctl, tmp_path: Path, 
     [
         (("--tool", "pen"), 3, 'no tool "pen"'),
         (("--plot", "absent/w.svg"), 3, "make the folder first"),
+        (("--plot", "f", "--csv", "f"), 3, "each its own file"),
+        (("--csv", "f", "--map", "./f"), 3, "each its own file"),
         (("--plane", "x"), 2, "a1_0"),
         (("--samples", "0"), 2, "greater than or equal to 1"),
         (("--cell", "narrow.yaml", "--plane", "a1_90"), 4, "needs A1 at -90 degrees"),

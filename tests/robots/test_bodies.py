@@ -287,6 +287,13 @@ def test_a_pen_may_stand_on_what_it_draws_on(tilt_deg: float) -> None:
     assert bodies.obstacle_clearances(q, (table,), PEN)[0, tool] < 0.0
 
 
+def test_no_poses_have_no_gaps_to_obstacles_and_as_many_columns() -> None:
+    table = bodies.Plane("table", np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    for obstacles in ((table,), (table, table), ()):
+        pairs = bodies.obstacle_pairs(obstacles)
+        assert bodies.obstacle_clearances(np.zeros((0, 9)), obstacles).shape == (0, len(pairs))
+
+
 def test_obstacles_turn_with_their_pose() -> None:
     q = random_joints(10, 20)
     pose = pose_matrix([0.4, 0.3, 0.5], [0.4, -0.7, 1.1])

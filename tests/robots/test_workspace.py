@@ -14,9 +14,9 @@ from sphmctl.robots import kr6, sphm
 from sphmctl.robots.geometry import from_parts, pose_matrix
 from sphmctl.robots.sphm import workspace_extents as extents
 from sphmctl.robots.sphm.bodies import Plane as Ceiling
-from sphmctl.robots.sphm.bodies import clearances
+from sphmctl.robots.sphm.bodies import clearances, obstacle_clearances
 from sphmctl.robots.sphm.workspace import Plane, Region, Robot, Survey, survey
-from sphmctl.robots.sphm.workspace_sampling import sample
+from sphmctl.robots.sphm.workspace_sampling import in_space, sample
 from sphmctl.robots.sphm.workspace_slices import (
     Slice,
     arm_alone,
@@ -94,7 +94,7 @@ def test_samples_never_pass_the_extents_that_optimisation_found(
 
 
 def test_the_joints_of_an_extent_are_in_range_free_and_get_there() -> None:
-    found = extents.of_hybrid(FACE)
+    found = extents.of_hybrid(FACE, "a1_0")
     ends = [*found.horizontal_m, *found.z_m]
     reached = sphm.forward(found.joints, FACE.tool)[:, :3, 3]
     np.testing.assert_allclose(reached[[0, 1, 2, 3], [0, 0, 2, 2]], ends, atol=1e-12)
@@ -109,7 +109,8 @@ def test_the_joints_of_an_extent_are_in_range_free_and_get_there() -> None:
 def test_extents_keep_to_the_plane_where_a4_has_no_0_and_a1_no_0() -> None:
     ranges = narrowed(3, 100.0, 185.0)
     ranges[0] = np.radians([10.0, 170.0])
-    found, whole = extents.of_hybrid(Robot(ranges, FACE.tool)), extents.of_hybrid(FACE)
+    found = extents.of_hybrid(Robot(ranges, FACE.tool), "a1_0")
+    whole = extents.of_hybrid(FACE, "a1_0")
     np.testing.assert_allclose(found.horizontal_m, whole.horizontal_m, atol=1e-7)
     assert np.abs(sphm.forward(found.joints, FACE.tool)[:, 1, 3]).max() < 1e-9
 
@@ -175,7 +176,7 @@ def test_every_sample_is_in_the_plane_in_range_and_within_the_cut(
     wide = inside.copy()
     for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
         wide |= np.roll(inside, step, axis)
-    assert not (marked(cloud.point_m, plane, grid) & ~wide).any()
+    assert not (marked(cloud.point_m, robot.mirrored(plane), grid) & ~wide).any()
     assert cloud.free.tolist() == (clearances(cloud.joints, robot.tool, 0.3) >= 0).all(1).tolist()
     assert (cloud.arm_free | ~cloud.free).all()
     assert elbow_held or cloud.arm_free.sum() > cloud.free.sum()
@@ -202,11 +203,87 @@ def test_a_seed_gives_the_same_samples_on_any_number_of_threads() -> None:
 def test_a_ceiling_holds_extents_and_free_samples_below_it() -> None:
     ceiling = Ceiling("ceiling", np.array([0.0, 0.0, 1.2]), np.array([0.0, 0.0, -1.0]))
     robot = Robot(tool=FACE.tool, obstacles=(ceiling,))
-    found = extents.of_hybrid(robot)
+    found = extents.of_hybrid(robot, "a1_0")
     assert 1.15 < found.z_m[1] < 1.2
     cloud = sample(robot, "a1_0", SAMPLES, seed=1)
     assert cloud.point_m[cloud.free, 1].max() < 1.2 < cloud.point_m[:, 1].max()
     assert cloud.flange_m[cloud.arm_free, 1].max() < 1.2
+
+
+def wall(axis: int) -> Ceiling:
+    """One 500 mm from the base, across x (0) or y (1)."""
+    return Ceiling("wall", 0.5 * np.eye(3)[axis], -np.eye(3)[axis])
+
+
+def test_a_wall_on_one_side_leaves_the_other_side_as_it_was(surveys: dict[Plane, Survey]) -> None:
+    robot = Robot(tool=FACE.tool, obstacles=(wall(1),))
+    found, whole = survey(robot, "a1_90", SAMPLES, seed=1), surveys["a1_90"]
+    for ours, all_, arm in (
+        (found.hybrid, whole.hybrid, False),
+        (found.arm, whole.arm, True),
+    ):
+        np.testing.assert_allclose(ours.horizontal_m[0], all_.horizontal_m[0], atol=1e-7)
+        np.testing.assert_allclose(ours.z_m, all_.z_m, atol=1e-7)
+        # The platform is 10 mm thick each way about its middle, 7.5 mm behind the tool's point.
+        assert 0.495 < ours.horizontal_m[1] < (0.5 if arm else 0.4976)
+    reached = sphm.forward(extents.of_hybrid(robot, "a1_90").joints, robot.tool, robot.mount_yaw)[
+        :, :3, 3
+    ]
+    np.testing.assert_allclose(reached[:2, 1], found.hybrid.horizontal_m, atol=1e-12)
+    for points, region in (
+        (found.cloud.flange_m[found.cloud.arm_free], found.free_arm),
+        (found.cloud.point_m[found.cloud.free], found.free_hybrid),
+    ):
+        assert region.horizontal_m[0] < -0.9
+        assert region.horizontal_m[1] == points[:, 0].max() < 0.5
+        grid = found.grid(0.020)
+        seen = marked(points, found.mirrored, grid).any(axis=1)
+        assert grid.horizontal_m[seen].max() < 0.5 + grid.cell_m
+
+
+def test_a_wall_along_the_plane_takes_nothing_from_its_extents(
+    surveys: dict[Plane, Survey],
+) -> None:
+    found = survey(Robot(tool=FACE.tool, obstacles=(wall(0),)), "a1_90", 300, seed=1)
+    for ours, whole in ((found.hybrid, surveys["a1_90"].hybrid), (found.arm, surveys["a1_90"].arm)):
+        np.testing.assert_allclose(ours.horizontal_m, whole.horizontal_m, atol=1e-7)
+        np.testing.assert_allclose(ours.z_m, whole.z_m, atol=1e-7)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_samples_in_space_are_where_their_own_axis_1_puts_them_and_free_there(
+    plane: Plane,
+) -> None:
+    robot = Robot(tool=FACE.tool, mount_yaw=0.3, obstacles=(wall(1),))
+    cloud = sample(robot, plane, 4000, seed=7)
+    joints = cloud.joints[:3000].copy()
+    joints[:, 0] = cloud.axis_1[:3000]
+    gaps = (
+        clearances(joints, robot.tool, 0.3),
+        obstacle_clearances(joints, robot.obstacles, robot.tool, 0.3),
+    )
+    free = (np.hstack(gaps) >= 0.0).all(axis=1)
+    flange, point = in_space(robot, cloud, 3000)
+    expected = sphm.forward(joints[free], robot.tool, 0.3)[:, :3, 3]
+    np.testing.assert_allclose(point, expected, atol=1e-12)
+    assert point[:, 1].max() < 0.5
+    assert len(flange) > len(point) > 1000
+
+
+@pytest.mark.parametrize("limit_deg", [-120.0, 120.0])
+def test_the_outline_holds_what_the_hand_reaches_at_the_ends_of_its_range(
+    limit_deg: float,
+) -> None:
+    cut = slice_of(FACE, arm_alone())
+    q = np.zeros((4000, 6))
+    q[:, 2] = np.linspace(*kr6.RANGES[2], 4000)
+    q[:, 4] = np.radians(limit_deg)
+    around = 0.0005 * np.exp(2j * np.pi * np.arange(8) / 8)
+    for end in kr6.RANGES[1]:
+        q[:, 1] = end
+        points = kr6.forward(q)[:, [0, 2], 3]
+        near = [cut.contains(*(points + [step.real, step.imag]).T) for step in around]
+        assert np.logical_or.reduce(near).all()
 
 
 def test_ranges_that_leave_the_plane_out_are_told() -> None:

@@ -14,11 +14,12 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 
 from sphmctl.motion import JOINT_NAMES, Floats
-from sphmctl.robots import kr6, rrs
+from sphmctl.robots import rrs
 from sphmctl.robots.export import links
 from sphmctl.robots.export.links import words
 from sphmctl.robots.geometry import from_parts
 from sphmctl.robots.sphm import bodies
+from sphmctl.robots.sphm.chain import RANGES9
 
 ARM_MASS_KG = 52.0
 """KUKA, data sheet KR 6 R900 sixx: weight."""
@@ -46,15 +47,17 @@ LOOP_SOLIMP = "0.999 0.9999 0.0001"
 than a hundredth of a millimetre at rest."""
 
 HOME_DEG = (0.0, -90.0, 90.0, 0.0, 0.0, 0.0, 60.0, 60.0, 60.0)
-"""KUKA's usual home position, and cranks in the middle of their range."""
+"""KUKA's usual home position, and cranks in the middle of the machine's range; where a range leaves
+one of them out, its nearest end stands in."""
 
 
-def mjcf(tool: Floats | None = None, mount_yaw: float = 0.0) -> str:
+def mjcf(tool: Floats | None = None, mount_yaw: float = 0.0, ranges: Floats = RANGES9) -> str:
     """The model's text.
 
     Args:
         tool: its frame on the platform, (4, 4); None leaves the site `tool` on the platform's.
         mount_yaw: leg 1 against the flange's x axis, rad.
+        ranges: of the nine joints, rad, (9, 2). Speeds have no place in the format.
     """
     root = Xml.Element("mujoco", model="sphm")
     root.append(Xml.Comment(" " + " ".join((__doc__ or "").split()) + " "))
@@ -69,15 +72,15 @@ def mjcf(tool: Floats | None = None, mount_yaw: float = 0.0) -> str:
     _geoms(body, shapes, links.BASE)
     for k, axis in enumerate(links.AXES):
         body = _body(body, axis.link, from_parts(np.eye(3), np.array(axis.at_m)))
-        low, high = kr6.RANGES[k]
-        _hinge(body, axis.joint, axis.sense, "arm", (low, high))
+        _hinge(body, axis.joint, axis.sense, "arm", ranges[k])
         _geoms(body, shapes, axis.link)
-    _wrist(body, shapes, np.eye(4) if tool is None else tool, mount_yaw)
+    _wrist(body, shapes, np.eye(4) if tool is None else tool, mount_yaw, ranges[6:])
     _loops(root)
     _drives(root)
     key = Xml.SubElement(Xml.SubElement(root, "keyframe"), "key", name="home")
-    key.set("qpos", words(*_home()))
-    key.set("ctrl", words(*np.radians(HOME_DEG)))
+    home = np.clip(np.radians(HOME_DEG), *ranges.T)
+    key.set("qpos", words(*_positions(home)))
+    key.set("ctrl", words(*home))
     Xml.indent(root)
     return Xml.tostring(root, "unicode") + "\n"
 
@@ -94,8 +97,13 @@ def _defaults(root: Xml.Element) -> None:
 
 
 def _wrist(
-    link_6: Xml.Element, shapes: tuple[links.Capsule, ...], tool: Floats, yaw: float
+    link_6: Xml.Element,
+    shapes: tuple[links.Capsule, ...],
+    tool: Floats,
+    yaw: float,
+    ranges: Floats,
 ) -> None:
+    """Legs and platform; the cranks' ranges (3, 2)."""
     half = links.FLANGE_PITCH_RAD / 2.0
     flange = Xml.SubElement(link_6, "body", name=links.FLANGE, gravcomp="1")
     flange.set("pos", words(*links.FLANGE_AT_M))
@@ -106,8 +114,7 @@ def _wrist(
         at = _about_z(angle, np.zeros(3))
         at[:3, 3] = at[:3, 0] * rrs.BASE_RADIUS_M
         crank = _body(wrist, f"crank_{leg}", at)
-        low, high = rrs.RANGES[leg - 1]
-        _hinge(crank, JOINT_NAMES[5 + leg], (0, 1, 0), "crank", (low, high))
+        _hinge(crank, JOINT_NAMES[5 + leg], (0, 1, 0), "crank", ranges[leg - 1])
         _rod(crank, rrs.CRANK_M, bodies.CRANK_M)
         end = from_parts(np.eye(3), np.array([0.0, 0.0, rrs.CRANK_M]))
         coupler = _body(crank, f"coupler_{leg}", end)
@@ -146,9 +153,8 @@ def _drives(root: Xml.Element) -> None:
             drive.set("forcerange", words(-CRANK_TORQUE_NM, CRANK_TORQUE_NM))
 
 
-def _home() -> list[float]:
-    """qpos of HOME_DEG in the tree's order: each crank and its coupler, then the platform."""
-    joints = np.radians(HOME_DEG)
+def _positions(joints: Floats) -> list[float]:
+    """qpos of joints (9,) in the tree's order: each crank and its coupler, then the platform."""
     platform = rrs.forward(joints[6:])
     balls = platform[:3, 3:] + rrs.PLATFORM_RADIUS_M * (platform[:3, :2] @ rrs.LEG_DIRECTIONS)
     values = joints[:6].tolist()
@@ -157,7 +163,10 @@ def _home() -> list[float]:
         along = r - rrs.BASE_RADIUS_M - rrs.CRANK_M * np.sin(theta)
         up = balls[2, leg] - rrs.CRANK_M * np.cos(theta)
         values += [float(theta), float(np.arctan2(along, up) - theta)]
-    return [*values, *platform[:3, 3].tolist(), 1.0, 0.0, 0.0, 0.0]  # equal cranks: level
+    direction, tilt, _ = (float(part) for part in rrs.tilt_of(platform))
+    s, c = np.sin(tilt / 2.0), np.cos(tilt / 2.0)
+    turn = c, -s * np.sin(direction), s * np.cos(direction), 0.0  # about what is across, no torsion
+    return [*values, *platform[:3, 3].tolist(), *turn]
 
 
 def _body(parent: Xml.Element, name: str, at: Floats) -> Xml.Element:
@@ -172,7 +181,7 @@ def _hinge(
     name: str,
     axis: tuple[int, int, int],
     kind: str | None = None,
-    ends: tuple[float, float] | None = None,
+    ends: Floats | None = None,
 ) -> None:
     joint = Xml.SubElement(body, "joint", name=name, type="hinge", axis=words(*axis))
     if kind is not None and ends is not None:

@@ -18,19 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sphmctl.motion import Floats
-from sphmctl.robots import kr6, rrs
+from sphmctl.robots import rrs
 from sphmctl.robots.export import links
 from sphmctl.robots.export.links import words
 from sphmctl.robots.geometry import matrix_to_abc
+from sphmctl.robots.sphm.chain import MAX_SPEED9, RANGES9
 
 EFFORT = "0"
 """The format asks for a highest effort; KUKA prints none, and 0 stands for unknown as in
 ros-industrial/kuka_experimental."""
-
-# rad/s and m/s: what one crank at full speed gives at most where the leg stands best; guides, for
-# the true limits are those of the cranks.
-HEAVE_SPEED_M_S = float(rrs.CRANK_M * rrs.MAX_SPEED[0])
-TILT_SPEED_RAD_S = HEAVE_SPEED_M_S / rrs.PLATFORM_RADIUS_M
 
 QUARTER_M = rrs.PLATFORM_RADIUS_M / 4.0
 
@@ -84,30 +80,37 @@ def joint_values(q: ArrayLike) -> dict[str, Floats]:
     return values
 
 
-def urdf(tool: Floats | None = None, mount_yaw: float = 0.0) -> str:
+def urdf(
+    tool: Floats | None = None,
+    mount_yaw: float = 0.0,
+    ranges: Floats = RANGES9,
+    speeds: Floats = MAX_SPEED9,
+) -> str:
     """The model's text.
 
     Args:
         tool: its frame on the platform, (4, 4); None leaves the link `tool` on the platform's.
         mount_yaw: leg 1 against the flange's x axis, rad.
+        ranges: of the nine joints, rad, (9, 2).
+        speeds: of the nine joints, rad/s, (9,).
     """
     robot = Xml.Element("robot", name="sphm")
     robot.append(Xml.Comment(" " + " ".join((__doc__ or "").replace("--", "-").split()) + " "))
     shapes = links.capsules(tool)
     before = _link(robot, links.BASE, shapes)
     for k, axis in enumerate(links.AXES):
-        low, high = kr6.RANGES[k]
+        low, high = ranges[k]
         _link(robot, axis.link, shapes)
         joint = _joint(robot, axis.joint, "revolute", before, axis.link, axis.at_m)
         Xml.SubElement(joint, "axis", xyz=words(*axis.sense))
-        _limit(joint, low, high, kr6.MAX_SPEED[k])
+        _limit(joint, low, high, speeds[k])
         before = axis.link
     flange = _link(robot, links.FLANGE, ())
     turn = (0.0, links.FLANGE_PITCH_RAD, 0.0)
     _joint(robot, "flange_mount", "fixed", before, flange, links.FLANGE_AT_M, turn)
     wrist = _link(robot, links.WRIST, shapes)
     _joint(robot, "wrist_mount", "fixed", flange, wrist, links.WRIST_AT_M, (0.0, 0.0, mount_yaw))
-    _platform(robot, wrist, shapes)
+    _platform(robot, wrist, shapes, ranges[6:], speeds[6:])
     _link(robot, "tool", ())
     at = np.eye(4) if tool is None else tool
     place = tuple(float(x) for x in at[:3, 3])
@@ -116,9 +119,9 @@ def urdf(tool: Floats | None = None, mount_yaw: float = 0.0) -> str:
     return '<?xml version="1.0" encoding="utf-8"?>\n' + Xml.tostring(robot, "unicode") + "\n"
 
 
-def platform_limits() -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of heave, direction and tilt within the cranks' ranges."""
-    each = [np.linspace(low, high, 13) for low, high in rrs.RANGES]
+def platform_limits(ranges: Floats) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of heave, direction and tilt within the cranks' ranges (3, 2)."""
+    each = [np.linspace(low, high, 13) for low, high in ranges]
     cranks = np.stack(np.meshgrid(*each, indexing="ij"), axis=-1).reshape(-1, 3)
     _, tilt, heave = rrs.tilt_of(rrs.forward(cranks))
     most = float(tilt.max())
@@ -129,9 +132,22 @@ def platform_limits() -> dict[str, tuple[float, float]]:
     }
 
 
-def _platform(robot: Xml.Element, before: str, shapes: tuple[links.Capsule, ...]) -> None:
-    limits = platform_limits()
-    speeds = {"heave": HEAVE_SPEED_M_S, "tilt": TILT_SPEED_RAD_S, "direction": TILT_SPEED_RAD_S}
+def _platform(
+    robot: Xml.Element,
+    before: str,
+    shapes: tuple[links.Capsule, ...],
+    ranges: Floats,
+    speeds: Floats,
+) -> None:
+    """The virtual chain; the cranks' ranges (3, 2) and speeds (3,) limit it.
+
+    Its speeds are what the quickest crank gives where its leg stands best: guides, for the true
+    limits are those of the cranks.
+    """
+    limits = platform_limits(ranges)
+    heave_m_s = rrs.CRANK_M * float(speeds.max())
+    tilt_rad_s = heave_m_s / rrs.PLATFORM_RADIUS_M
+    quickest = {"heave": heave_m_s, "tilt": tilt_rad_s, "direction": tilt_rad_s}
     for step in CHAIN:
         link = links.PLATFORM if step is CHAIN[-1] else f"{step.name}_link"
         _link(robot, link, shapes)
@@ -139,7 +155,7 @@ def _platform(robot: Xml.Element, before: str, shapes: tuple[links.Capsule, ...]
         joint = _joint(robot, step.name, kind, before, link, step.at_m)
         Xml.SubElement(joint, "axis", xyz=step.axis)
         low, high = sorted(step.factor * value for value in limits[step.of])
-        _limit(joint, low, high, abs(step.factor) * speeds[step.of])
+        _limit(joint, low, high, abs(step.factor) * quickest[step.of])
         if step.name not in MASTERS:
             Xml.SubElement(joint, "mimic", joint=step.of, multiplier=str(step.factor))
         before = link

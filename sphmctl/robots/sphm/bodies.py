@@ -279,15 +279,16 @@ def obstacle_clearances(
     """
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
     out = np.empty((len(q), len(obstacles), len(MOVING_GROUPS)))
+    columns = len(obstacles) * len(MOVING_GROUPS)
     if not obstacles:
-        return out.reshape(len(q), 0)
+        return out.reshape(len(q), columns)
     for i in range(0, len(q), OBSTACLE_BLOCK):
         p, d = segments(q[i : i + OBSTACLE_BLOCK], tool, mount_yaw)
         for j, obstacle in enumerate(obstacles):
             gap = obstacle.distance(p, d) - RADII_M[:, None]
             for k, group in enumerate(MOVING_GROUPS):
                 out[i : i + OBSTACLE_BLOCK, j, k] = gap[_MEMBERS[group]].min(axis=0)
-    return out.reshape(len(q), -1)
+    return out.reshape(len(q), columns)
 
 
 def obstacle_pairs(obstacles: tuple[Obstacle, ...]) -> tuple[tuple[str, str], ...]:

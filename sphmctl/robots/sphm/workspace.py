@@ -45,7 +45,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Survey:
-    """What was found of a plane.
+    """What was found of a robot in a plane.
 
     Attributes:
         arm, hybrid: extents found by optimisation, free of collisions; area of the exact cut,
@@ -56,6 +56,7 @@ class Survey:
         arm_cut, hybrid_cut: the cuts at axis 1 = 0.
     """
 
+    robot: Robot
     plane: Plane
     arm: Region
     hybrid: Region
@@ -66,6 +67,11 @@ class Survey:
     cloud: Cloud
     arm_cut: Slice
     hybrid_cut: Slice
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether samples count on both sides of axis 1."""
+        return self.robot.mirrored(self.plane)
 
     def grid(self, cell_m: float) -> Grid:
         """A grid over all of the plane's workspace."""
@@ -87,28 +93,30 @@ def survey(
     fine, coarse = grid_for(reach_m), grid_for(reach_m, SAMPLED_CELL_M)
 
     def exact(reached: extents.Extents, cut: Slice) -> Region:
-        seen = reached.of(plane)
-        return Region(seen.horizontal_m, seen.z_m, fine.area_m2(cells(cut, plane, fine)))
+        area_m2 = fine.area_m2(cells(cut, plane, fine))
+        return Region(reached.horizontal_m, reached.z_m, area_m2)
 
+    mirrored = robot.mirrored(plane)
     return Survey(
+        robot,
         plane,
-        exact(extents.of_arm(robot), arm_cut),
-        exact(extents.of_hybrid(robot), hybrid_cut),
-        _sampled(cloud.flange_m, plane, coarse),
-        _sampled(cloud.point_m, plane, coarse),
-        _sampled(cloud.flange_m[cloud.arm_free], plane, coarse),
-        _sampled(cloud.point_m[cloud.free], plane, coarse),
+        exact(extents.of_arm(robot, plane), arm_cut),
+        exact(extents.of_hybrid(robot, plane), hybrid_cut),
+        _sampled(cloud.flange_m, mirrored, coarse),
+        _sampled(cloud.point_m, mirrored, coarse),
+        _sampled(cloud.flange_m[cloud.arm_free], mirrored, coarse),
+        _sampled(cloud.point_m[cloud.free], mirrored, coarse),
         cloud,
         arm_cut,
         hybrid_cut,
     )
 
 
-def _sampled(point_m: Floats, plane: Plane, grid: Grid) -> Region:
+def _sampled(point_m: Floats, mirrored: bool, grid: Grid) -> Region:
     """What points (n, 2) alone tell of a region."""
     if not len(point_m):
         return Region((np.nan, np.nan), (np.nan, np.nan), 0.0)
     (left, low), (right, high) = point_m.min(axis=0).tolist(), point_m.max(axis=0).tolist()
-    if plane == "a1_90":
+    if mirrored:
         left, right = min(left, -right), max(right, -left)
-    return Region((left, right), (low, high), grid.area_m2(marked(point_m, plane, grid)))
+    return Region((left, right), (low, high), grid.area_m2(marked(point_m, mirrored, grid)))

@@ -16,7 +16,7 @@ import numpy as np
 from sphmctl.errors import InfeasibleError
 from sphmctl.motion import Floats
 from sphmctl.robots import kr6, sphm
-from sphmctl.robots.sphm.workspace_robot import Plane, Robot
+from sphmctl.robots.sphm.workspace_robot import AXIS_1_RAD, Plane, Robot
 
 STARTS = 12
 """For each direction: the best of DRAWN."""
@@ -38,34 +38,32 @@ ARM_JOINTS = (1, 2, 4)
 ALL_JOINTS = (1, 2, 4, 5, 6, 7, 8)
 """The same with A6 and the cranks. A1 and A4 stay, so that the arm stays in its plane."""
 
-DIRECTIONS: Floats = np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]])
+DIRECTIONS: dict[Plane, Floats] = {
+    "a1_0": np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]]),
+    "a1_90": np.array([[0, -1.0, 0], [0, 1.0, 0], [0, 0, -1.0], [0, 0, 1.0]]),
+}
+"""Backwards and forwards in the plane, down, up."""
 
 
 @dataclass(frozen=True)
 class Extents:
-    """How far the point gets, m; and the joints (4, 9) that bring it there, axis 1 at 0."""
+    """How far the point gets in a plane, m; and the joints (4, 9) that bring it there."""
 
     horizontal_m: tuple[float, float]
     z_m: tuple[float, float]
     joints: Floats
 
-    def of(self, plane: Plane) -> Extents:
-        """As seen in a plane: at +-90 degrees of axis 1 both sides get as far as the better."""
-        if plane == "a1_0":
-            return self
-        most = max(-self.horizontal_m[0], self.horizontal_m[1])
-        return Extents((-most, most), self.z_m, self.joints)
 
-
-def of_arm(robot: Robot) -> Extents:
+def of_arm(robot: Robot, plane: Plane) -> Extents:
     """Those of the flange's centre, for the arm without the wrist."""
-    return _search(robot, ARM_JOINTS, lambda q: kr6.forward(q[:, :6])[:, :3, 3], 0)
+    return _search(robot, plane, ARM_JOINTS, lambda q: kr6.forward(q[:, :6])[:, :3, 3], 0)
 
 
-def of_hybrid(robot: Robot) -> Extents:
+def of_hybrid(robot: Robot, plane: Plane) -> Extents:
     """Those of the tool's point."""
     return _search(
         robot,
+        plane,
         ALL_JOINTS,
         lambda q: sphm.forward(q, robot.tool, robot.mount_yaw)[:, :3, 3],
         1,
@@ -73,12 +71,16 @@ def of_hybrid(robot: Robot) -> Extents:
 
 
 def _search(
-    robot: Robot, moved: tuple[int, ...], place: Callable[[Floats], Floats], which: int
+    robot: Robot,
+    plane: Plane,
+    moved: tuple[int, ...],
+    place: Callable[[Floats], Floats],
+    which: int,
 ) -> Extents:
     """The extents of `place`; `which` of the collisions count: the arm's, or all."""
-    q = _starts(robot, moved, place, which)
-    count = len(q) // len(DIRECTIONS)
-    towards = np.repeat(DIRECTIONS, count, axis=0)
+    q = _starts(robot, plane, moved, place, which)
+    count = len(q) // len(DIRECTIONS[plane])
+    towards = np.repeat(DIRECTIONS[plane], count, axis=0)
     value = np.einsum("ij,ij->i", place(q), towards)
     low, high = robot.ranges.T
     ways = np.repeat(np.eye(9)[list(moved)], 2, axis=0) * (high - low)
@@ -110,17 +112,29 @@ def _search(
 
 
 def _starts(
-    robot: Robot, moved: tuple[int, ...], place: Callable[[Floats], Floats], which: int
+    robot: Robot,
+    plane: Plane,
+    moved: tuple[int, ...],
+    place: Callable[[Floats], Floats],
+    which: int,
 ) -> Floats:
-    """Joints (4 x starts, 9) to begin at: the best of random ones for each direction in turn."""
+    """Joints (4 x starts, 9) to begin at: the best of random ones for each direction in turn.
+
+    As many wherever axis 1 stands: what is in the way may differ.
+    """
     columns = list(moved)
     low, high = robot.ranges.T
-    joints = np.tile(np.clip(np.zeros(9), low, high), (DRAWN, 1))
-    joints[:, 0], joints[:, 3] = 0.0, robot.a4_in_plane()
+    drawn = np.tile(np.clip(np.zeros(9), low, high), (DRAWN, 1))
+    drawn[:, 3] = robot.a4_in_plane()
     rng = np.random.default_rng(SEED)
-    joints[:, columns] = rng.uniform(low[columns], high[columns], (DRAWN, len(columns)))
-    joints = joints[~robot.collisions(joints)[which]]
-    if not len(joints):
+    drawn[:, columns] = rng.uniform(low[columns], high[columns], (DRAWN, len(columns)))
+    chosen = []
+    for axis_1 in AXIS_1_RAD[plane]:
+        drawn[:, 0] = axis_1
+        free = drawn[~robot.collisions(drawn)[which]]
+        best = np.argsort(place(free) @ DIRECTIONS[plane].T, axis=0)[-STARTS:]
+        chosen.append(free[best.T])
+    starts = np.concatenate(chosen, axis=1)
+    if not starts.size:
         raise InfeasibleError(f"the robot collides in each of {DRAWN} poses tried")
-    best = np.argsort(place(joints) @ DIRECTIONS.T, axis=0)[-STARTS:]
-    return np.asarray(joints[best.T.ravel()])
+    return starts.reshape(-1, 9)

@@ -49,6 +49,14 @@ class Robot:
     mount_yaw: float = 0.0
     obstacles: tuple[Obstacle, ...] = ()
 
+    def mirrored(self, plane: Plane) -> bool:
+        """Whether a point of the plane that is free is so on the other side of axis 1 as well.
+
+        At 90 degrees of axis 1 it is, for at -90 the same pose has it there; but not where
+        obstacles stand, which need not be on both sides.
+        """
+        return plane == "a1_90" and not self.obstacles
+
     def hand(self, cranks: ArrayLike) -> Floats:
         """The tool's point seen from the wrist centre along the flange's axes, (..., 3), m."""
         platform = platform_in_flange(cranks, self.mount_yaw)

@@ -70,6 +70,29 @@ def sample(robot: Robot, plane: Plane, count: int, seed: int, threads: int | Non
     )
 
 
+def in_space(robot: Robot, cloud: Cloud, count: int) -> tuple[Floats, Floats]:
+    """Flange and tool points of the first samples with axis 1 as drawn, each (n, 3), m, if free.
+
+    What is in the way there is looked at again: obstacles stand on one side, and so do plugs.
+    """
+    joints = cloud.joints[:count].copy()
+    side = _side(joints[:, 0])
+    joints[:, 0] = cloud.axis_1[:count]
+    c, s = np.cos(joints[:, 0]), np.sin(joints[:, 0])
+    arm_hits, hits = robot.collisions(joints)
+
+    def spun(place_m: Floats, hit: Bools) -> Floats:
+        forward, up = place_m[:count].T
+        return np.stack([c * side * forward, -s * side * forward, up], axis=1)[~hit]
+
+    return spun(cloud.flange_m, arm_hits), spun(cloud.point_m, hits)
+
+
+def _side(axis_1: Floats) -> Floats:
+    """Which way the arm's forward is: at 90 degrees of axis 1 it is -y."""
+    return np.where(axis_1 > 0.0, -1.0, 1.0)
+
+
 def _block(robot: Robot, plane: Plane, count: int, rng: np.random.Generator) -> Cloud:
     joints = rng.uniform(robot.ranges[:, 0], robot.ranges[:, 1], (count, 9))
     drawn = joints[:, 0].copy()
@@ -80,10 +103,8 @@ def _block(robot: Robot, plane: Plane, count: int, rng: np.random.Generator) -> 
     usable = ~np.isnan(joints[:, 3])
     joints, drawn, hand = joints[usable], drawn[usable], hand[:, usable]
     flange, point = _places(joints, hand)
-    # At 90 degrees of axis 1 the arm's forward is -y: the horizontal coordinate is y.
-    side = np.where(joints[:, 0] > 0.0, -1.0, 1.0)
-    flange[:, 0] *= side
-    point[:, 0] *= side
+    flange[:, 0] *= _side(joints[:, 0])
+    point[:, 0] *= _side(joints[:, 0])
     arm_hits, hits = robot.collisions(joints)
     return Cloud(joints, drawn, flange, point, ~arm_hits, ~hits)
 
