@@ -16,7 +16,7 @@ TimingOption = Annotated[
     str,
     typer.Option(
         help="stops: as the arm's controller drives, from knot to knot. optimal: as fast as joints "
-        "and tool allow, jerk bounded, which no exact stop lets it drive yet.",
+        "and tool allow without these stops, jerk bounded; the controller cannot drive it yet.",
     ),
 ]
 
@@ -63,7 +63,7 @@ def plan(
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.svg", help="Draw path, joints, speeds and margins."),
+        typer.Option(metavar="FILE.svg", help="Draw path, joints, speeds, margins and what binds."),
     ] = None,
     view: Annotated[
         Path | None,
@@ -80,8 +80,9 @@ def plan(
     not at all, and replaces one of that name. The page opens in any browser,
     without network. The columns of the CSV are t_s, a1_deg to a6_deg, theta7_deg
     to theta9_deg, x_mm, y_mm, z_mm, a_deg, b_deg, c_deg in the path's base frame,
-    and knot, the number of the stop that the arm makes there. Exit code 4 when
-    the path cannot be driven.
+    and knot, the number of the stop that the arm makes there; it stays empty with
+    --timing optimal, which does not stop. --json also tells what binds how long.
+    Exit code 4 when the path cannot be driven.
 
     Example: sphmctl plan configs/paths/octagon.yaml --out octagon.csv
     """
@@ -106,14 +107,20 @@ def plan(
             kind: opened.enter_context(whole_file(file)) for kind, file in files.items() if file
         }
         outcome = planner.outcome(wanted, chosen, percent / 100.0, timing)
-        made, binding = outcome.plan, outcome.binding
+        made = outcome.plan
         if "out" in streams:
             streams["out"].write(planner.plan_csv(made))
         if "plot" in streams:
-            streams["plot"].write(pictures.plot(made, limits, binding))
+            margins = [pictures.Margin(m.title, m.unit, m.values, m.limit) for m in outcome.margins]
+            binding = pictures.Binding(outcome.binding, outcome.shares)
+            drawn = pictures.plot(made, limits, binding, outcome.asked, margins)
+            streams["plot"].write(drawn)
         if "view" in streams:
+            frames = wanted.tool or "O7", wanted.base if isinstance(wanted.base, str) else "base"
             around = chosen.obstacle_bodies
-            page = pictures.view(made, limits, chosen.mount_yaw_rad, binding, around)
+            page = pictures.view(
+                made, limits, chosen.mount_yaw_rad, outcome.binding, around, frames
+            )
             streams["view"].write(page)
     document = {
         "name": made.name,
@@ -123,6 +130,9 @@ def plan(
         "timing": timing,
         "rows": len(made.t),
         "knots": len(made.knots),
+        "binding": [
+            {"label": label, "share_percent": 100.0 * share} for label, share in outcome.shares
+        ],
         "points": [
             {"name": point.name, "t_s": float(made.t[point.sample])} for point in made.points
         ],
@@ -169,9 +179,9 @@ def _show_report(document: dict[str, Any]) -> None:
             item["name"], f"{more}{round(item['value'], 6):.4g} {item['unit']}", item["where"]
         )
     console.print(near)
-    console.print(
-        f"without the {document['knots']} stops: {document['without_stops']}", markup=False
-    )
+    count = document["knots"]
+    stops = f"the {count} stops" if count > 1 else "the one stop" if count else "stops"
+    console.print(f"without {stops}: {document['without_stops']}", markup=False)
     print(f"feasible: {document['duration_s']:.2f} s")
 
 

@@ -9,10 +9,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TypeVar
 
 import numpy as np
 
 from sphmctl.motion import Floats
+from sphmctl.pictures import labels
 
 POINTS = 1000
 """Points kept of a line: more than a panel has pixels, and a page of under a megabyte."""
@@ -22,6 +24,21 @@ STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 MARGIN = 0.06
 """Free share of an axis above and below the data."""
+
+ROOM = 0.12
+"""The same where points have labels beside them."""
+
+NOISE = 1e-6
+"""Data that spread less stand still, in whatever unit a chart has; they get an axis of length 1."""
+
+SAME_PX = 5.0
+"""Points closer together than a dot is wide are one dot."""
+
+LEFT, DIGIT, BESIDE = 46.0, 7.0, 20.0
+"""Room left of the frame; of it, a digit's, and what the axis' label takes."""
+
+
+Number = TypeVar("Number", float, Floats)
 
 
 @dataclass(frozen=True)
@@ -53,9 +70,10 @@ class Chart:
         width, height: of the drawing.
         marks: labelled points on top.
         levels: heights of dashed lines: limits.
-        shown: heights that the axis includes in any case.
+        shown, x_shown: what the axes include in any case.
         equal: the same scale on both axes, as for a plan view.
-        least_span: an axis never shows less than this in y, so that noise does not fill it.
+        least_span: an axis never shows less than this in y, so that noise does not fill it; where
+            both have the same scale, neither in x.
     """
 
     title: str
@@ -67,6 +85,7 @@ class Chart:
     marks: tuple[Mark, ...] = ()
     levels: tuple[float, ...] = ()
     shown: tuple[float, ...] = ()
+    x_shown: tuple[float, ...] = ()
     equal: bool = False
     least_span: float = 0.0
 
@@ -82,11 +101,11 @@ class _Frame:
     x: tuple[float, float]
     y: tuple[float, float]
 
-    def px(self, x: float) -> float:
+    def px(self, x: Number) -> Number:
         low, high = self.x
         return self.left + (x - low) / (high - low) * (self.right - self.left)
 
-    def py(self, y: float) -> float:
+    def py(self, y: Number) -> Number:
         low, high = self.y
         return self.bottom - (y - low) / (high - low) * (self.bottom - self.top)
 
@@ -122,19 +141,25 @@ def _contents(chart: Chart) -> str:
         *_axes(chart, frame),
         *(_level(frame, level) for level in chart.levels),
         *(_path(frame, line) for line in chart.lines),
-        *_marks(frame, chart.marks),
+        *_marks(chart, frame),
     ]
     return "\n".join(part for part in parts if part)
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """At most `most` round numbers from low to high, evenly apart."""
+    """Round numbers from low to high, evenly apart: at most `most`, or two or three if fewer."""
     raw = (high - low) / max(most - 1, 1)
     power = 10.0 ** math.floor(math.log10(raw))
-    step = next((s * power for s in STEPS if s * power >= raw * (1 - 1e-9)), 10.0 * power)
-    first = math.ceil(low / step - 1e-9)
-    last = math.floor(high / step + 1e-9)
-    return [round(k * step, 10) for k in range(first, last + 1)]
+    steps = [scale * power * step for scale in (0.1, 1.0, 10.0) for step in STEPS[:-1]]
+    widest = next(k for k, step in enumerate(steps) if step >= raw * (1 - 1e-9))
+    found: list[float] = []
+    for step in reversed(steps[: widest + 1]):
+        first = math.ceil(low / step - 1e-9)
+        last = math.floor(high / step + 1e-9)
+        found = [round(k * step, 10) for k in range(first, last + 1)]
+        if len(found) > 1:  # one number alone is no scale
+            break
+    return found
 
 
 def thin(x: Floats, y: Floats, points: int = POINTS) -> tuple[Floats, Floats]:
@@ -167,18 +192,27 @@ def _range(
     joined = np.concatenate([*values, np.asarray(extra, dtype=np.float64)])
     joined = joined[np.isfinite(joined)]
     low, high = (float(joined.min()), float(joined.max())) if joined.size else (0.0, 1.0)
-    span = max(high - low, least, 1e-6)
+    span = max(high - low if high - low > NOISE else 1.0, least)
     middle = 0.5 * (low + high)
     half = span * (0.5 + margin)
     return middle - half, middle + half
 
 
 def _frame(chart: Chart) -> _Frame:
-    left, top, right, bottom = 46.0, 10.0, chart.width - 12.0, chart.height - 36.0
-    margin = MARGIN if chart.equal else 0.0
-    x = _range([line.x for line in chart.lines], (), 0.0, margin)
+    """The frame, with room left of it for the longest number of its scale."""
+    frame = _framed(chart, LEFT)
+    longest = max(len(_number(value)) for value in _y_ticks(frame))
+    return _framed(chart, max(LEFT, BESIDE + DIGIT * longest))
+
+
+def _framed(chart: Chart, left: float) -> _Frame:
+    top, right, bottom = 10.0, chart.width - 12.0, chart.height - 36.0
+    room = ROOM if chart.marks else MARGIN
+    least = chart.least_span if chart.equal else 0.0
+    x = _range([line.x for line in chart.lines], chart.x_shown, least, room if chart.equal else 0.0)
     extra = chart.levels + chart.shown
-    y = _range([line.y for line in chart.lines], extra, chart.least_span, MARGIN)
+    margin = room if chart.equal else MARGIN
+    y = _range([line.y for line in chart.lines], extra, chart.least_span, margin)
     if chart.equal:
         per_px = max((x[1] - x[0]) / (right - left), (y[1] - y[0]) / (bottom - top))
         x = _widen(x, per_px * (right - left))
@@ -194,7 +228,7 @@ def _widen(span: tuple[float, float], size: float) -> tuple[float, float]:
 def _axes(chart: Chart, frame: _Frame) -> list[str]:
     """Grid lines with their numbers, the frame, and what the axes show."""
     parts = []
-    for value in ticks(*frame.y, max(3, int((frame.bottom - frame.top) / 34))):
+    for value in _y_ticks(frame):
         y = frame.py(value)
         parts.append(_segment("grid", frame.left, y, frame.right, y))
         parts.append(text("tick end", frame.left - 5, y + 3.5, _number(value)))
@@ -211,6 +245,10 @@ def _axes(chart: Chart, frame: _Frame) -> list[str]:
         f"{safe(chart.y_label)}</text>"
     )
     return parts
+
+
+def _y_ticks(frame: _Frame) -> list[float]:
+    return ticks(*frame.y, max(3, int((frame.bottom - frame.top) / 34)))
 
 
 def _number(value: float) -> str:
@@ -244,28 +282,29 @@ def _path(frame: _Frame, line: Line) -> str:
     return f'<path class="line {line.style}" d="{"".join(parts)}"/>' if parts else ""
 
 
-def _marks(frame: _Frame, marks: tuple[Mark, ...]) -> list[str]:
-    """Dots, each with its label on the side away from the middle of all; equal places share one."""
-    if not marks:
-        return []
-    middle_x = sum(mark.x for mark in marks) / len(marks)
-    middle_y = sum(mark.y for mark in marks) / len(marks)
-    heights = [frame.py(mark.y) for mark in marks]
-    in_a_row = max(heights) - min(heights) < 1.0  # a label beside would lie on the line
-    labels: dict[tuple[int, int], tuple[Mark, list[str]]] = {}
-    for mark in marks:
-        key = (round(frame.px(mark.x) / 4), round(frame.py(mark.y) / 4))
-        _, names = labels.setdefault(key, (mark, []))
-        if mark.label not in names:
-            names.append(mark.label)
-    parts = []
-    for mark, names in labels.values():
+def _marks(chart: Chart, frame: _Frame) -> list[str]:
+    """Dots, each with its label beside it; dots on one place share a label."""
+    spots: list[tuple[float, float]] = []
+    names: list[list[str]] = []
+    for mark in chart.marks:
         x, y = frame.px(mark.x), frame.py(mark.y)
-        away_x, away_y = x - frame.px(middle_x), y - frame.py(middle_y)
-        if in_a_row:
-            away_x, away_y = 0.0, -1.0
-        far = math.hypot(away_x, away_y) or 1.0
-        parts.append(f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3.2"/>')
-        label_x, label_y = x + 13 * away_x / far, y + 13 * away_y / far + 4
-        parts.append(text("mark middle", label_x, label_y, ", ".join(names)))
-    return parts
+        near = (k for k, (a, b) in enumerate(spots) if math.hypot(a - x, b - y) < SAME_PX)
+        index = next(near, len(spots))
+        if index == len(spots):
+            spots.append((x, y))
+            names.append([])
+        if mark.label not in names[index]:
+            names[index].append(mark.label)
+    if not spots:
+        return []
+    words = [", ".join(labels_here) for labels_here in names]
+    ink = [np.stack([frame.px(line.x), frame.py(line.y)], axis=1) for line in chart.lines]
+    room = (frame.left + 2.0, frame.top, frame.right, frame.bottom - 2.0)
+    centres = labels.settle(np.array(spots), words, ink, room)
+    return [
+        *(f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="3.2"/>' for x, y in spots),
+        *(
+            text("mark middle", x, y + 4.5, said)
+            for (x, y), said in zip(centres.tolist(), words, strict=True)
+        ),
+    ]

@@ -1,19 +1,20 @@
-"""A plan as one SVG: path, joints, speeds, margins and what binds. Light and dark."""
+"""A plan as one SVG: path, what binds, joints, speeds and margins. Light and dark."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sphmctl.motion import JOINT_NAMES, Floats, Plan
 from sphmctl.pictures import charts, figures
 from sphmctl.pictures.charts import Chart, Line, Mark, safe
-from sphmctl.pictures.figures import Limits, Margin
+from sphmctl.pictures.figures import Binding, Limits, Margin
 
 WIDTH, EDGE, GAP = 1120.0, 20.0, 20.0
-PATH_HEIGHT, JOINT_HEIGHT, SHARE_HEIGHT = 340.0, 190.0, 200.0
+PATH_HEIGHT, PANEL_HEIGHT = 340.0, 190.0
 HEAD = 24.0
 """Above a panel, for its title."""
 
@@ -28,6 +29,12 @@ NEAR_PERCENT = 40.0
 
 MOST_MARGIN_DEG = 60.0
 """Joints further from the ends of their range are not drawn: nobody has to care about them."""
+
+LEAST_PATH_MM = 20.0
+"""A view of the path never shows less: one along the path shall look like a point."""
+
+SLENDER = 0.3
+"""A path is seen from the side along y; from the front where it would be slender so."""
 
 LEAST_SPAN_DEG = 2.0
 """A joint's panel never shows less: a standing joint shall look still."""
@@ -48,10 +55,12 @@ text { font: 11px system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-seri
 .title { font-size: 22px; font-weight: 650; fill: var(--ink); }
 .head { font-size: 14px; font-weight: 600; fill: var(--ink); } .note { font-size: 13px; }
 .end { text-anchor: end; } .middle { text-anchor: middle; }
-.mark { fill: var(--ink); font-size: 13px; font-weight: 600; } .dot { fill: var(--ink); }
+.mark { fill: var(--ink); font-size: 13px; font-weight: 600; paint-order: stroke;
+  stroke: var(--page); stroke-width: 3px; stroke-linejoin: round; } .dot { fill: var(--ink); }
 .grid { stroke: var(--rule); } .axis { stroke: var(--soft); }
 .level { stroke: var(--level); stroke-width: 1.2; stroke-dasharray: 5 4; }
 .line { fill: none; stroke-linejoin: round; stroke-linecap: round; stroke-width: 1.4; }
+.limit { stroke: var(--level); stroke-dasharray: 5 4; }
 .knot { stroke: var(--ink); stroke-width: 4; opacity: .45; }
 """ + "\n".join(
     f".s{k} {{ stroke: var(--c{k}); }} .f{k} {{ fill: var(--c{k}); }}" for k in range(1, 10)
@@ -60,33 +69,39 @@ text { font: 11px system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-seri
 
 @dataclass(frozen=True)
 class Panel:
-    """A chart with its title and how wide it is, in shares of the picture's columns."""
+    """A chart with its title, and to the right of this a legend or a note."""
 
     title: str
     chart: Chart
     legend: tuple[str, ...] = ()
+    note: str = ""
 
 
 def plot(
     plan: Plan,
     limits: Limits,
-    binding: Sequence[str] | None = None,
+    binding: Binding | None = None,
+    asked: Floats | None = None,
     margins: Sequence[Margin] = (),
 ) -> str:
     """The picture's text.
 
     Args:
-        binding: what rules the motion at each row, (n,); None leaves that strip out.
+        binding: what rules the motion; None leaves that strip out.
+        asked: the tool's speed (m/s) and acceleration (m/s2) that each row may have, (n, 2).
         margins: drawn below, each with a panel of its own.
     """
     parts: list[str] = []
     y = _header(plan, parts)
-    y = _row(parts, y, [_projection(plan, *axes) for axes in ((0, 1), (0, 2))])
+    deep, wide, _ = np.ptp(plan.tool[:, :3, 3], axis=0)
+    side = 1 if deep < SLENDER * wide else 0
+    y = _row(parts, y, [_projection(plan, *axes) for axes in ((0, 1), (side, 2))])
+    if binding is not None and len(plan.t) > 1:
+        y = _binding(parts, y, plan, binding)
     joints = [_joint(plan, limits, joint) for joint in range(9)]
     for first in (0, 3, 6):
         y = _row(parts, y, joints[first : first + 3])
-    if binding is not None and len(plan.t) > 1:
-        y = _binding(parts, y, plan, binding)
+    y = _row(parts, y, _of_tool(plan, asked))
     y = _row(parts, y, _shares(plan, limits))
     y = _row(parts, y, [_range_margins(plan, limits)])
     given = [_margin(plan, margin) for margin in margins]
@@ -101,7 +116,7 @@ def plot(
 
 def _header(plan: Plan, parts: list[str]) -> float:
     parts.append(charts.text("title", EDGE, 40.0, plan.name))
-    told = f"{plan.duration_s:.2f} s, {len(plan.t)} rows, {len(plan.knots)} stops of the arm"
+    told = f"{figures.headline(plan)}, {len(plan.t)} rows"
     parts.append(charts.text("note end", WIDTH - EDGE, 40.0, told))
     return 58.0
 
@@ -112,6 +127,8 @@ def _row(parts: list[str], y: float, panels: list[Panel]) -> float:
     for panel in panels:
         parts.append(charts.text("head", x, y + 14.0, panel.title))
         at = x + panel.chart.width
+        if panel.note:
+            parts.append(charts.text("note end", at - 12.0, y + 14.0, panel.note))
         for k, name in reversed(list(enumerate(panel.legend, start=1))):
             at -= 9.0 + 6.6 * len(name)
             parts.append(charts.text(f"note f{k}", at, y + 14.0, name))
@@ -149,8 +166,17 @@ def _projection(plan: Plan, across: int, up: int) -> Panel:
         PATH_HEIGHT,
         marks,
         equal=True,
+        least_span=LEAST_PATH_MM,
     )
-    return Panel(title, chart)
+    return Panel(title, chart, note="small dots: stops" if plan.knots else "")
+
+
+def _over_time(
+    plan: Plan, title: str, unit: str, lines: tuple[Line, ...], columns: int, **more: Any
+) -> Chart:
+    """A chart over the whole plan's time, as wide as so many beside each other may be."""
+    ends = 0.0, plan.duration_s or 1.0
+    return Chart(title, lines, "time, s", unit, _wide(columns), PANEL_HEIGHT, x_shown=ends, **more)
 
 
 def _joint(plan: Plan, limits: Limits, joint: int) -> Panel:
@@ -159,17 +185,26 @@ def _joint(plan: Plan, limits: Limits, joint: int) -> Panel:
     ends = np.degrees(limits.ranges[joint])
     room = (degrees.min() - ends[0], ends[1] - degrees.max())
     near = [distance < NEAR_SPANS * span for distance in room]
-    chart = Chart(
-        JOINT_NAMES[joint],
-        (Line(*charts.thin(plan.t, degrees, POINTS), f"s{joint + 1}"),),
-        "time, s",
-        "degrees",
-        _wide(3),
-        JOINT_HEIGHT,
-        levels=tuple(float(end) for end, drawn in zip(ends, near, strict=True) if drawn),
-        least_span=LEAST_SPAN_DEG,
-    )
-    return Panel(JOINT_NAMES[joint], chart)
+    name = JOINT_NAMES[joint]
+    line = Line(*charts.thin(plan.t, degrees, POINTS), f"s{joint + 1}")
+    levels = tuple(float(end) for end, drawn in zip(ends, near, strict=True) if drawn)
+    least = LEAST_SPAN_DEG
+    chart = _over_time(plan, name, "degrees", (line,), 3, levels=levels, least_span=least)
+    return Panel(name, chart)
+
+
+def _of_tool(plan: Plan, asked: Floats | None) -> list[Panel]:
+    """Speed and acceleration of the tool point, and what the path asks for, dashed."""
+    panels = []
+    for k, (kind, unit) in enumerate((("speed", "mm/s"), ("acceleration", "mm/s²"))):
+        t_s, values = figures.tool_rates(plan)[k]
+        lines = [Line(*charts.thin(t_s, values, POINTS), "s1")]
+        if asked is not None:
+            wanted = np.where(np.isfinite(asked[:, k]), asked[:, k] * 1000.0, np.nan)
+            lines.append(Line(*charts.thin(plan.t, wanted, POINTS), "limit"))
+        title = f"Tool {kind}"
+        panels.append(Panel(title, _over_time(plan, title, unit, tuple(lines), 2, shown=(0.0,))))
+    return panels
 
 
 def _shares(plan: Plan, limits: Limits) -> list[Panel]:
@@ -179,16 +214,9 @@ def _shares(plan: Plan, limits: Limits) -> list[Panel]:
         ("Speed, % of the limit", figures.speed_percent(plan, limits)),
         ("Acceleration, % of the limit", figures.acceleration_percent(plan, limits)),
     ):
-        chart = Chart(
-            title,
-            _of_joints(t_s, share),
-            "time, s",
-            "%",
-            _wide(2),
-            SHARE_HEIGHT,
-            levels=(100.0,) if share.max(initial=0.0) > NEAR_PERCENT else (),
-            shown=(0.0,),
-        )
+        levels = (100.0,) if share.max(initial=0.0) > NEAR_PERCENT else ()
+        lines = _of_joints(t_s, share)
+        chart = _over_time(plan, title, "%", lines, 2, levels=levels, shown=(0.0,))
         panels.append(Panel(title, chart, JOINT_NAMES))
     return panels
 
@@ -203,36 +231,22 @@ def _range_margins(plan: Plan, limits: Limits) -> Panel:
     title = f"Distance from the nearer end of the range, up to {MOST_MARGIN_DEG:g} degrees"
     room = figures.range_margin_deg(plan, limits)
     room = np.where(room <= MOST_MARGIN_DEG, room, np.nan)
-    chart = Chart(
-        title,
-        _of_joints(plan.t, room),
-        "time, s",
-        "degrees",
-        _wide(1),
-        SHARE_HEIGHT,
-        levels=(0.0,),
-    )
-    return Panel(title, chart, JOINT_NAMES)
+    lines = _of_joints(plan.t, room)
+    return Panel(title, _over_time(plan, title, "degrees", lines, 1, levels=(0.0,)), JOINT_NAMES)
 
 
 def _margin(plan: Plan, margin: Margin) -> Panel:
-    chart = Chart(
-        margin.name,
-        (Line(*charts.thin(plan.t, margin.values, POINTS), "s1"),),
-        "time, s",
-        margin.unit,
-        _wide(2),
-        SHARE_HEIGHT,
-        levels=() if margin.least is None else (margin.least,),
-        shown=(0.0,),
-    )
-    return Panel(margin.name, chart)
+    values = np.where(np.isfinite(margin.values), margin.values, np.nan)
+    title = margin.name[0].upper() + margin.name[1:]
+    lines = (Line(*charts.thin(plan.t, values, POINTS), "s1"),)
+    levels = () if margin.limit is None else (margin.limit,)
+    return Panel(title, _over_time(plan, title, margin.unit, lines, 2, levels=levels, shown=(0.0,)))
 
 
-def _binding(parts: list[str], y: float, plan: Plan, binding: Sequence[str]) -> float:
+def _binding(parts: list[str], y: float, plan: Plan, binding: Binding) -> float:
     """A strip over time in the colour of what rules the motion, and how long each does."""
-    shares = figures.time_shares(plan.t, binding)
-    colour = {label: min(k, BINDING_COLOURS) for k, (label, _) in enumerate(shares, start=1)}
+    told = enumerate(binding.shares, start=1)
+    colour = {label: min(k, BINDING_COLOURS) for k, (label, _) in told}
     parts.append(charts.text("head", EDGE, y + 14.0, "What binds"))
     x, width = EDGE + 46.0, WIDTH - 2.0 * EDGE - 58.0
     pixels = np.linspace(0.0, plan.duration_s, int(width) + 1)
@@ -240,14 +254,18 @@ def _binding(parts: list[str], y: float, plan: Plan, binding: Sequence[str]) -> 
     rows = np.minimum(np.searchsorted(plan.t, middle), len(plan.t) - 1)
     begin = 0
     for k in range(1, len(rows) + 1):
-        if k < len(rows) and binding[rows[k]] == binding[rows[begin]]:
+        if k < len(rows) and binding.rows[rows[k]] == binding.rows[rows[begin]]:
             continue
-        label = binding[rows[begin]]
+        label = binding.rows[rows[begin]]
         box = f'x="{x + begin:g}" y="{y + HEAD:g}" width="{k - begin}" height="22"'
-        parts.append(f'<rect class="f{colour[label]}" {box}><title>{safe(label)}</title></rect>')
+        number = colour.get(label, BINDING_COLOURS)
+        parts.append(f'<rect class="f{number}" {box}><title>{safe(label)}</title></rect>')
         begin = k
-    at, below = x, y + HEAD + 40.0
-    for label, share in shares:
+    for value in charts.ticks(0.0, plan.duration_s, 20):
+        along = x + value / plan.duration_s * width
+        parts.append(charts.text("tick middle", along, y + HEAD + 35.0, f"{value:g}"))
+    at, below = x, y + HEAD + 56.0
+    for label, share in binding.shares:
         told = f"{label} {share:.0%}"
         if at + 7.0 * len(told) > WIDTH - EDGE:
             at, below = x, below + 18.0

@@ -88,11 +88,12 @@ function look() {
   const ce = Math.cos(eye.elevation), se = Math.sin(eye.elevation);
   axes = [[-sa, ca, 0], [-ca * se, -sa * se, ce], [ca * ce, sa * ce, se]];
 }
+const NEAR = 0.05; // nothing is drawn closer to the eye, m
 // A point on the canvas: x, y, pixels per metre there, distance.
 function project(p) {
   const d = p.map((value, i) => value - eye.target[i]);
   const [x, y, z] = axes.map((axis) => axis[0] * d[0] + axis[1] * d[1] + axis[2] * d[2]);
-  const away = Math.max(eye.distance - z, 0.05), scale = 1.9 * Math.min(...size) / away;
+  const away = Math.max(eye.distance - z, NEAR), scale = 1.9 * Math.min(...size) / away;
   return [size[0] / 2 + x * scale, size[1] / 2 - y * scale, scale, away];
 }
 
@@ -153,15 +154,31 @@ function triad(T, length) {
   });
 }
 
+// Boxes by their edges, planes by a grid about the path; each line in short pieces, so that what is
+// nearer hides it.
 function obstacles(items) {
-  for (const box of plan.obstacles) {
-    const corner = (k) => project(at(box.pose, box.half.map((h, i) => ((k >> i) & 1 ? h : -h))));
+  const edge = (from, to, width) => {
+    const pieces = Math.max(1, Math.ceil(Math.hypot(...to.map((v, i) => v - from[i])) / 0.1));
+    const point = (k) => project(from.map((v, i) => v + k / pieces * (to[i] - v)));
+    for (let k = 0; k < pieces; k++) {
+      const [a, b] = [point(k), point(k + 1)];
+      if (Math.min(a[3], b[3]) <= NEAR) continue; // behind the eye
+      items.push([(a[3] + b[3]) / 2, () => line([a, b], colours.obstacle, width)]);
+    }
+  };
+  for (const box of plan.boxes) {
+    const corner = (k) => at(box.pose, box.half.map((h, i) => ((k >> i) & 1 ? h : -h)));
     for (let k = 0; k < 8; k++) {
-      for (const bit of [1, 2, 4]) {
-        if (k & bit) continue;
-        const [a, b] = [corner(k), corner(k | bit)];
-        items.push([(a[3] + b[3]) / 2, () => line([a, b], colours.obstacle, 1.5)]);
-      }
+      for (const bit of [1, 2, 4]) if (!(k & bit)) edge(corner(k), corner(k | bit), 1.5);
+    }
+  }
+  for (const plane of plan.planes) {
+    const [u, v] = plane.across;
+    const point = (a, b) => plane.at.map((p, i) => p + a * u[i] + b * v[i]);
+    for (let k = -6; k <= 6; k++) {
+      const aside = k / 10, half = 0.6, width = Math.abs(k) === 6 ? 1.5 : 0.6;
+      edge(point(aside, -half), point(aside, half), width);
+      edge(point(-half, aside), point(half, aside), width);
     }
   }
 }
@@ -191,16 +208,27 @@ function bodies(items, list, now) {
   }
 }
 
+function label(name, x, y, colour) {
+  pen.strokeStyle = colours.card;
+  pen.strokeText(name, x, y);
+  pen.fillStyle = colour;
+  pen.fillText(name, x, y);
+}
 function labels() {
   pen.font = "600 13px system-ui, sans-serif";
   pen.textAlign = "center";
   pen.lineWidth = 4;
+  for (const box of plan.boxes) {
+    const [x, y, , away] = project(at(box.pose, [0, 0, box.half[2]]));
+    if (away > NEAR) label(box.name, x, y, colours.obstacle);
+  }
+  for (const plane of plan.planes) {
+    const [x, y, , away] = project(plane.at.map((p, i) => p + 0.6 * plane.across[1][i]));
+    if (away > NEAR) label(plane.name, x, y, colours.obstacle);
+  }
   for (const point of plan.points) {
     const [x, y] = project(point.at);
-    pen.strokeStyle = colours.card;
-    pen.strokeText(point.name, x, y - 9);
-    pen.fillStyle = colours.ink;
-    pen.fillText(point.name, x, y - 9);
+    label(point.name, x, y - 9, colours.ink);
     pen.beginPath();
     pen.arc(x, y, 3, 0, 2 * Math.PI);
     pen.fill();
@@ -274,7 +302,10 @@ function tell(now, tool) {
   const a = cosine < 1e-9 ? Math.atan2(-T[1], T[5]) : Math.atan2(T[4], T[0]);
   const c = cosine < 1e-9 ? 0 : Math.atan2(T[9], T[10]);
   const pose = [T[3] * 1000, T[7] * 1000, T[11] * 1000, deg(a), deg(Math.atan2(-T[8], cosine)), deg(c)];
-  pose.forEach((value, k) => { poseCells[k].textContent = said(value, 2); });
+  pose.forEach((value, k) => {
+    const half = k > 2 && 180 - Math.abs(value) < 0.005; // either sign is half a turn
+    poseCells[k].textContent = said(half ? 180 : value, 2);
+  });
   byId("clock").textContent = `${time.toFixed(2)} / ${plan.duration_s.toFixed(2)} s`;
   byId("time").setAttribute("aria-valuetext", `${time.toFixed(2)} seconds`);
   if (plan.binding.length) {

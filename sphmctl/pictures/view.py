@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from sphmctl.motion import JOINT_NAMES, Floats, Plan
+from sphmctl.pictures import figures
 from sphmctl.pictures.charts import safe
 from sphmctl.pictures.figures import Limits
 from sphmctl.robots import rrs
 from sphmctl.robots.export import links
 from sphmctl.robots.sphm import bodies
-from sphmctl.robots.sphm.bodies import Box, Obstacle
+from sphmctl.robots.sphm.bodies import Box, Obstacle, Plane
 
 STEP_S = 0.04
 """Rows of the page, 25 a second: joints between them are linear, 0.01 mm beside at 100 mm/s."""
@@ -34,6 +35,9 @@ MOST_PATH = 800
 
 CENTRE_HEIGHT_M = 0.35
 """What the view turns about lies so high, between the base and the middle of the path."""
+
+LEVEL = 1e-6
+"""Sine of the tilt from which on a plane is not level."""
 
 SLIM = {"base": 0.62, "turret": 0.62, "link arm": 0.58, "elbow": 0.72, "forearm": 0.72, "hand": 0.8}
 """Share of their radii with which bodies are drawn at first: they enclose the parts, and at full
@@ -63,13 +67,15 @@ def view(
     mount_yaw: float = 0.0,
     binding: Sequence[str] | None = None,
     obstacles: Sequence[Obstacle] = (),
+    frames: tuple[str, str] = ("point", "the path's base"),
 ) -> str:
     """The page's text.
 
     Args:
         mount_yaw: leg 1 against the flange's x axis, rad.
         binding: what rules the motion at each row, (n,).
-        obstacles: the cell's; boxes are drawn.
+        obstacles: the cell's.
+        frames: names of the tool and of the frame that its pose is told in.
     """
     here = files("sphmctl.pictures")
     html, style, script = (
@@ -81,7 +87,8 @@ def view(
     parts = {
         "policy": f"{policy}; base-uri 'none'; form-action 'none'",
         "name": safe(plan.name),
-        "summary": f"{plan.duration_s:.2f} s, {len(plan.knots)} stops of the arm",
+        "summary": figures.headline(plan),
+        "frames": safe(f"Tool {frames[0]} in {frames[1]}"),
         "style": style,
         "script": script,
         # A name must not end the element that the data stand in.
@@ -165,13 +172,35 @@ def _surroundings(
             for point in plan.points
         ],
         "centre": [middle[0] / 2.0, middle[1] / 2.0, CENTRE_HEIGHT_M],
-        "obstacles": [
+        "boxes": [
             {"name": box.name, "pose": _pose(box.pose), "half": box.half_m.tolist()}
             for box in obstacles
             if isinstance(box, Box)
         ],
+        "planes": [
+            {
+                "name": plane.name,
+                "at": _beside(plane, middle).tolist(),
+                "across": _across(plane.normal).tolist(),
+            }
+            for plane in obstacles
+            if isinstance(plane, Plane)
+        ],
         "binding": [] if binding is None else _runs(plan, binding),
     }
+
+
+def _beside(plane: Plane, point: Floats) -> Floats:
+    """The point of a plane that is nearest to a point (3,)."""
+    return np.asarray(point - ((point - plane.point_m) @ plane.normal) * plane.normal)
+
+
+def _across(normal: Floats) -> Floats:
+    """Two directions in a plane, (2, 3), the first level."""
+    level = np.cross([0.0, 0.0, 1.0], normal)
+    length = np.linalg.norm(level)
+    first = level / length if length > LEVEL else np.array([1.0, 0.0, 0.0])
+    return np.stack([first, np.cross(normal, first)])
 
 
 def _runs(plan: Plan, binding: Sequence[str]) -> list[tuple[float, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -180,7 +180,7 @@ def _add_block(
     law = law.scaled(scale)
     if arm_moves:
         # However slow the plan: ramps no longer than the controller's lowest acceleration makes.
-        law = Trapezoid(law.speed, max(law.acceleration, LEAST_SHARE / acceleration))
+        law = replace(law, acceleration=max(law.acceleration, LEAST_SHARE / acceleration))
     if not arm_moves:
         draft.blocks.append(Block(move, leg, u, law, asked=asked, name=name))
         return

@@ -63,13 +63,19 @@ class Margin:
         unit: "mm", "degrees", "of the middle pose", "of the servo's holding torque".
         row: where that is.
         beyond: the value is a lower bound, for more was not looked at.
+        title: what is looked at, whichever part comes closest.
+        values: of each row, (n,).
+        limit: beyond this a path is refused; None where the margin is only told.
     """
 
     name: str
     value: float
     unit: str
     row: int
-    beyond: bool = False
+    beyond: bool
+    title: str
+    values: Floats
+    limit: float | None
 
 
 @dataclass(frozen=True)
@@ -116,10 +122,14 @@ def _collisions(gaps: Floats, pairs: tuple[tuple[str, str], ...], what: str) -> 
         message = f"the {ours} {verb} {overlap_mm:.1f} mm into the {other}; they may only touch"
         problem = Problem("", "", -overlap_mm, 0.0, message)
         problems.append(RowProblem(int(rows[column]), problem))
-    nearest = int(least.argmin())
-    name = f"gap to {what}: {pairs[nearest][0]} and {pairs[nearest][1]}"
-    far = what == "the robot itself" and least[nearest] >= bodies.FAR_M
-    margin = Margin(name, 1000.0 * float(least[nearest]), "mm", int(rows[nearest]), bool(far))
+    title, nearest = f"gap to {what}", int(least.argmin())
+    name = f"{title}: {pairs[nearest][0]} and {pairs[nearest][1]}"
+    far = what == "the robot itself" and bool(least[nearest] >= bodies.FAR_M)
+    near_mm = 1000.0 * gaps.min(axis=1)
+    value, row = 1000.0 * float(least[nearest]), int(rows[nearest])
+    if what == "the robot itself":
+        title += f", up to {1000.0 * bodies.FAR_M:g} mm"
+    margin = Margin(name, value, "mm", row, far, title, near_mm, 0.0)
     return Findings(tuple(problems), (margin,))
 
 
@@ -127,13 +137,18 @@ def _singular(joints: Floats) -> Findings:
     """The margins of `singular`; only lost control is a problem, for the rest may be passed."""
     found = singular.margins(joints)
     margins = [
-        _least(name, values, unit)
-        for name, values, unit in (
-            ("wrist from a parallel singularity", found.parallel, "of the middle pose"),
-            ("wrist from a serial singularity", np.degrees(found.serial_rad), "degrees"),
-            ("A5 from 0", np.degrees(found.wrist_rad), "degrees"),
-            ("elbow from stretched or folded", np.degrees(found.elbow_rad), "degrees"),
-            ("wrist centre from axis 1", found.shoulder_m * 1000.0, "mm"),
+        _least(name, values, unit, limit)
+        for name, values, unit, limit in (
+            (
+                "wrist from a parallel singularity",
+                found.parallel,
+                "of the middle pose",
+                SMALLEST_PARALLEL,
+            ),
+            ("wrist from a serial singularity", np.degrees(found.serial_rad), "degrees", None),
+            ("A5 from 0", np.degrees(found.wrist_rad), "degrees", None),
+            ("elbow from stretched or folded", np.degrees(found.elbow_rad), "degrees", None),
+            ("wrist centre from axis 1", found.shoulder_m * 1000.0, "mm", None),
         )
     ]
     lost = margins[0]
@@ -162,14 +177,15 @@ def _load(joints: Floats, around: Surroundings) -> Findings:
         problem = Problem("", name, value, load.HOLDING_TORQUE_NM, message)
         problems.append(RowProblem(int(rows[leg]), problem))
     worst = int(most.argmax())
-    share = float(most[worst]) / load.HOLDING_TORQUE_NM
-    name = f"static load of {JOINT_NAMES[6 + worst]}"
-    margin = Margin(name, share, "of the servo's holding torque", int(rows[worst]))
+    shares = torques.max(axis=1) / load.HOLDING_TORQUE_NM
+    row, unit = int(rows[worst]), "of the servo's holding torque"
+    name, title = f"static load of {JOINT_NAMES[6 + worst]}", "largest static load of a servo"
+    margin = Margin(name, float(shares[row]), unit, row, False, title, shares, 1.0)
     return Findings(tuple(problems), (margin,))
 
 
-def _least(name: str, values: Floats, unit: str) -> Margin:
+def _least(name: str, values: Floats, unit: str, limit: float | None) -> Margin:
     """The smallest of values (n,), rows without numbers passed over."""
     values = np.nan_to_num(values, nan=np.inf)
     row = int(values.argmin())
-    return Margin(name, float(values[row]), unit, row)
+    return Margin(name, float(values[row]), unit, row, False, name, values, limit)

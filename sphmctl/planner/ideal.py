@@ -17,6 +17,7 @@ from sphmctl.planner.blocks import Block, shares_of
 from sphmctl.planner.chord import Leg
 from sphmctl.planner.legs import Direct
 from sphmctl.planner.places import joint_problem
+from sphmctl.planner.ruling import REST, Shares, shares
 from sphmctl.planner.timelaw import LABELS, Bounds, Stuck, TimeLaw, time_law
 from sphmctl.planner.timing import Slice
 from sphmctl.planner.way import TINY_M, Way
@@ -42,18 +43,22 @@ class Ideal:
     def summary(self) -> str:
         """`12.31 s (12.21 s without jerk limit); A2 acceleration binds 41 % of the time, ...`."""
         duration_s = sum(block.duration_s for block in self.blocks)
-        shares: dict[str, float] = {}
-        for law in self.laws:
-            for label, share in law.shares():
-                shares[label] = shares.get(label, 0.0) + share * law.duration_s / duration_s
-        told = sorted(shares.items(), key=lambda item: -item[1])
-        texts = [f"{label} {share:.0%}" for label, share in told if share >= 0.005]
+        texts = [f"{label} {share:.0%}" for label, share in self.shares() if share >= 0.005]
         head = f"{duration_s:.2f} s ({self.optimal_s:.2f} s without jerk limit)"
         return f"{head}; of the time binds: {', '.join(texts)}" if texts else head
 
-    def binding(self, t: Floats) -> list[str]:
-        """What binds at each plan time (n,): one of LABELS."""
-        found = np.full(len(t), len(LABELS) - 1)
+    def shares(self) -> Shares:
+        """How much of the time each of LABELS binds, and REST is asked for; the most first."""
+        rests_s = sum(block.rest_s for block in self.blocks)
+        moving = [
+            (label, share * law.duration_s) for law in self.laws for label, share in law.shares()
+        ]
+        return shares([(REST, rests_s), *moving])
+
+    def binding(self, t: Floats) -> tuple[str, ...]:
+        """What binds at each plan time (n,): one of LABELS, or REST."""
+        names = (*LABELS, REST)
+        found = np.full(len(t), len(LABELS))
         begin_s, begins = 0.0, []
         laws: list[TimeLaw | None] = []
         for block in self.blocks:
@@ -71,7 +76,7 @@ class Ideal:
             rows_s = law.track.s[law.track.rows]
             nearest = np.searchsorted(rows_s, law.s(t[rows] - begins[i]))
             found[rows] = law.binding[np.minimum(nearest, len(law.binding) - 1)]
-        return [LABELS[label] for label in found]
+        return tuple(names[label] for label in found)
 
 
 def ideal(blocks: list[Block], scale: float, filter_s: float) -> Ideal | Problem:

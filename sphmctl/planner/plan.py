@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 from sphmctl.config import Cell
 from sphmctl.errors import InfeasibleError, InvalidError, Problem
-from sphmctl.motion import Plan
+from sphmctl.motion import Floats, Knot, Plan
 from sphmctl.pathfile import Path
 from sphmctl.planner.blocks import Block
 from sphmctl.planner.checks import Margin, Surroundings, examine
 from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
+from sphmctl.planner.ruling import Shares, asked, stop_binding, stop_shares
 from sphmctl.planner.sampling import Samples, knots, named, sample, verify, where
 from sphmctl.planner.timelaw import FILTER_S
 from sphmctl.planner.walk import Walker, walks
@@ -42,16 +43,18 @@ class Made:
         rows: the plan's rows, with their blocks.
         margins: how near the path comes to bodies, singular poses and the servos' load.
         driven_s: what the arm's controller takes, which stops at every knot.
-        optimum: the quickest law in words; "" where it was not asked for.
-        binding: what rules each row, one of `timelaw.LABELS`; None for the controller's timing.
+        binding: what rules each row, one of `timelaw.LABELS` or `ruling.REST`.
+        shares: how much of the time each of these does, the most first.
+        asked: the tool's speed (m/s) and acceleration (m/s2) that each row may have, (n, 2).
     """
 
     plan: Plan
     rows: Samples
     margins: tuple[Margin, ...]
     driven_s: float
-    optimum: str
-    binding: tuple[str, ...] | None
+    binding: tuple[str, ...]
+    shares: Shares
+    asked: Floats
 
 
 @dataclass(frozen=True)
@@ -153,17 +156,29 @@ def _timed(
         coarse = fast is not None and not near
         return Outcome(setup, blocks, _told(beyond + near), None, coarse)
     driven_s = _duration_s(draft.blocks)
-    notes = [
-        *draft.notes,
-        f"{len(knots(blocks, rows))} knots in all, each an exact stop of the arm",
-    ]
-    binding = None
-    if fast is not None:
-        notes.append(f"without stops {fast.summary()}; as its controller drives {driven_s:.2f} s")
-        binding = tuple(fast.binding(rows.t))
-    made = _made(path, setup, blocks, rows, tuple(notes))
-    optimum = "" if fast is None else fast.summary()
-    return Outcome(setup, blocks, (), Made(made, rows, found.margins, driven_s, optimum, binding))
+    stops = knots(blocks, rows)
+    told = _stops_told(len(stops))
+    if fast is None:
+        binding, shares = stop_binding(blocks, rows, speed), stop_shares(blocks, speed)
+    else:
+        # The quickest law passes the knots: they are none of this plan's stops.
+        told = f"without stops {fast.summary()}; as its controller drives {driven_s:.2f} s: {told}"
+        stops = ()
+        binding, shares = fast.binding(rows.t), fast.shares()
+    made = _made(path, setup, blocks, rows, stops, (*draft.notes, told))
+    tool = asked(blocks, rows, speed)
+    return Outcome(
+        setup, blocks, (), Made(made, rows, found.margins, driven_s, binding, shares, tool)
+    )
+
+
+def _stops_told(count: int) -> str:
+    """How often the arm's controller stops, in words."""
+    if not count:
+        return "the arm does not move"
+    if count == 1:
+        return "1 knot in all, an exact stop of the arm"
+    return f"{count} knots in all, each an exact stop of the arm"
 
 
 def _duration_s(blocks: list[Block]) -> float:
@@ -171,7 +186,12 @@ def _duration_s(blocks: list[Block]) -> float:
 
 
 def _made(
-    path: Path, setup: Setup, blocks: list[Block], rows: Samples, notes: tuple[str, ...]
+    path: Path,
+    setup: Setup,
+    blocks: list[Block],
+    rows: Samples,
+    stops: tuple[Knot, ...],
+    notes: tuple[str, ...],
 ) -> Plan:
     first = path.moves[0].point
     return Plan(
@@ -179,7 +199,7 @@ def _made(
         t=rows.t,
         joints=rows.joints,
         tool=rows.tool,
-        knots=knots(blocks, rows),
+        knots=stops,
         points=named(blocks, rows, first.name if first else ""),
         notes=notes,
         tool_on_platform=setup.tool,

@@ -7,11 +7,12 @@ controller runs its synchronous point-to-point blocks by the same law, so that i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sphmctl.motion import Floats
+from sphmctl.motion import JOINT_NAMES, Floats
 from sphmctl.planner.timelaw import TimeLaw
 
 SPEED_STEPS = 120
@@ -26,10 +27,16 @@ LIMIT_SHARE = 0.998
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Progress 0 to 1 from rest to rest, at most at `speed` (1/s) and `acceleration` (1/s2)."""
+    """Progress 0 to 1 from rest to rest, at most at `speed` (1/s) and `acceleration` (1/s2).
+
+    Attributes:
+        ruled_by: the joint's limit that keeps speed and acceleration from being higher, such as "A2
+            acceleration"; "" where it is a cap that the law was given.
+    """
 
     speed: float
     acceleration: float
+    ruled_by: tuple[str, str] = ("", "")
 
     @property
     def ramp_s(self) -> float:
@@ -53,7 +60,9 @@ class Trapezoid:
 
     def scaled(self, share: float) -> Trapezoid:
         """The same progress, `share` times as fast."""
-        return Trapezoid(self.speed * share, self.acceleration * share * share)
+        return replace(
+            self, speed=self.speed * share, acceleration=self.acceleration * share * share
+        )
 
 
 @dataclass(frozen=True)
@@ -141,26 +150,36 @@ def fastest(joints: Floats, limits: Limits) -> Trapezoid | TooFast:
     highest = min(limits.speed, cap)
     wanted = highest * np.geomspace(1.0, SLOWEST_SHARE, SPEED_STEPS)
     v = wanted[wanted >= limits.floor]
-    slope, bend = _hardest(first / accelerations, second / accelerations)
+    slope, bend, owner = _hardest(first / accelerations, second / accelerations)
     room = 1.0 - bend * (v * v)[:, None]
     fit = room.min(axis=1) > 0.0
     if not fit.any():
         return _too_fast(second * highest**2, limits.joint_accelerations, "acceleration")
     v, room = v[fit], room[fit]
     with np.errstate(divide="ignore"):
-        a = np.minimum((room / slope).min(axis=1), limits.acceleration)
+        most = room / slope
+        a = np.minimum(most.min(axis=1), limits.acceleration)
     ramp = np.minimum(v / a, 1.0 / np.sqrt(a))
     best = int((1.0 / (ramp * a) + ramp).argmin())
-    return Trapezoid(float(v[best]), float(a[best]))
+    hard = f"{JOINT_NAMES[owner[most[best].argmin()]]} acceleration"
+    fast = f"{JOINT_NAMES[int((first / speeds).max(axis=0).argmax())]} speed"
+    capped = (cap >= limits.speed, float(a[best]) >= limits.acceleration)
+    # Slower than it might be: then for the sake of the acceleration in the bends.
+    ruled_by = hard if v[best] < highest else "" if capped[0] else fast, "" if capped[1] else hard
+    return Trapezoid(float(v[best]), float(a[best]), ruled_by)
 
 
-def _hardest(slope: Floats, bend: Floats) -> tuple[Floats, Floats]:
-    """Of all rows and joints those (k,) that no other beats in slope and bend: only they rule."""
+def _hardest(slope: Floats, bend: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """Of all rows and joints those (k,) that no other beats in slope and bend: only they rule.
+
+    Also the joint that each of them is of.
+    """
+    joints = slope.shape[1]
     slope, bend = slope.ravel(), bend.ravel()
     order = np.lexsort((-bend, -slope))
     bend = bend[order]
     front = np.append(True, bend[1:] > np.maximum.accumulate(bend)[:-1])
-    return slope[order][front], bend[front]
+    return slope[order][front], bend[front], order[front] % joints
 
 
 def _too_fast(needed: Floats, limits: Floats, what: str) -> TooFast:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sphmctl.motion import JOINT_NAMES
-from sphmctl.pictures import Margin, figures, plot
+from sphmctl.pictures import Binding, Margin, figures, plot
 from tests.pictures.rig import LIMITS, browse, console, make_plan
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -28,7 +28,7 @@ def test_every_joint_and_both_sides_of_the_path_have_a_panel() -> None:
     for title in (*JOINT_NAMES, "Path from above", "Path from the side"):
         assert group(svg, title).find(f"{SVG}path") is not None
     words = " ".join(ElementTree.fromstring(svg).itertext())
-    assert "4.00 s, 501 rows, 2 stops of the arm" in words
+    assert "4.00 s, 2 stops of the arm, 501 rows" in words
     assert "What binds" not in words
 
 
@@ -61,7 +61,8 @@ def test_a_range_is_drawn_where_the_joint_comes_near_it() -> None:
 def test_what_binds_is_told_with_its_share_of_the_time_and_drawn_as_long() -> None:
     plan = make_plan()
     binding = ["A2 acceleration" if t < 1.0 else "tool speed" for t in plan.t]
-    svg = plot(plan, LIMITS, binding)
+    shares = [("tool speed", 0.75), ("A2 acceleration", 0.25)]
+    svg = plot(plan, LIMITS, Binding(binding, shares))
     words = " ".join(ElementTree.fromstring(svg).itertext())
     assert "A2 acceleration 25%" in words
     assert "tool speed 75%" in words
@@ -73,7 +74,7 @@ def test_what_binds_is_told_with_its_share_of_the_time_and_drawn_as_long() -> No
 def test_margins_that_are_given_have_panels_with_their_limits() -> None:
     plan = make_plan()
     margin = Margin("Gap between tool & forearm", "mm", 20.0 + plan.t, 5.0)
-    panel = group(plot(plan, LIMITS, None, [margin]), "Gap between tool & forearm")
+    panel = group(plot(plan, LIMITS, margins=[margin]), "Gap between tool & forearm")
     assert [line for line in panel if line.get("class") == "level"]
 
 
@@ -89,7 +90,9 @@ def test_shares_of_limits_are_those_of_the_joints() -> None:
 
 
 def test_a_name_from_outside_is_escaped() -> None:
-    svg = plot(make_plan(name='<b onload="x">&\x1b'), LIMITS, ["<i>"] * 501)
+    svg = plot(
+        make_plan(name='<b onload="x">&\x1b'), LIMITS, Binding(["<i>"] * 501, [("<i>", 1.0)])
+    )
     assert "<b " not in svg
     assert "<i>" not in svg
     assert '<b onload="x">&' in " ".join(ElementTree.fromstring(svg).itertext())
@@ -100,14 +103,17 @@ def test_a_plan_of_one_row_can_be_drawn() -> None:
     one = replace(
         plan, t=plan.t[:1], joints=plan.joints[:1], tool=plan.tool[:1], knots=(), points=()
     )
-    svg = plot(one, LIMITS, ["none"])
+    svg = plot(one, LIMITS, Binding(["none"], []))
     ElementTree.fromstring(svg)
     assert "nan" not in svg.replace("nano", "")
 
 
 def test_chromium_draws_it_and_has_nothing_to_say(tmp_path: Path) -> None:
     page, picture = tmp_path / "plan.svg", tmp_path / "plan.png"
-    page.write_text(plot(make_plan(), LIMITS, ["tool speed"] * 501), encoding="utf-8")
+    page.write_text(
+        plot(make_plan(), LIMITS, Binding(["tool speed"] * 501, [("tool speed", 1.0)])),
+        encoding="utf-8",
+    )
     told = browse(tmp_path, page, f"--screenshot={picture}", "--window-size=1120,1700")
     assert console(told.stderr) == []
     assert picture.stat().st_size > 50_000  # an empty page has 5 kB
@@ -115,7 +121,8 @@ def test_chromium_draws_it_and_has_nothing_to_say(tmp_path: Path) -> None:
 
 def test_twenty_labels_are_all_told_inside_the_picture() -> None:
     names = [f"{name} {kind}" for name in JOINT_NAMES for kind in ("speed", "acceleration")]
-    svg = plot(make_plan(), LIMITS, [names[k % len(names)] for k in range(501)])
+    rows = [names[k % len(names)] for k in range(501)]
+    svg = plot(make_plan(), LIMITS, Binding(rows, [(name, 1 / len(names)) for name in names]))
     told = [
         (float(text.get("x", "")), text.text or "")
         for text in ElementTree.fromstring(svg).iter(f"{SVG}text")

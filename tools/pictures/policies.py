@@ -127,8 +127,8 @@ def legend(joints: range, y: float) -> list[str]:
     return parts
 
 
-def main() -> None:
-    """Write one drawing for each policy."""
+def drawings() -> dict[str, str]:
+    """The drawing of each policy."""
     cell = emulated_cell()
     setup = Setup(
         cell.tool_matrix("octagon_pen"),
@@ -139,14 +139,21 @@ def main() -> None:
         cell.accelerations_rad_s2,
     )
     poses, way_m = target()
-    FOLDER.mkdir(parents=True, exist_ok=True)
+    found = {}
     for name, policy in policies().items():
         outcome = resolve(poses, way_m, policy, setup)
         if not isinstance(outcome, Resolved):
             raise SystemExit(f"{name}: {outcome.problem.message}")
-        text = picture(name, outcome.joints, setup, poses[:, :3, 3], way_m)
+        found[name] = picture(name, outcome.joints, setup, poses[:, :3, 3], way_m)
+    return found
+
+
+def main() -> None:
+    """Write them all."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name, text in drawings().items():
         (FOLDER / f"{name}.svg").write_text(text, encoding="utf-8")
-        print(f"{name}: cost {outcome.cost:.1f}")
+        print(f"{name}.svg")
 
 
 if __name__ == "__main__":

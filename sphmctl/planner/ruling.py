@@ -1,0 +1,112 @@
+"""What rules each instant of a plan, and what the path asks of the tool there; for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import groupby
+
+import numpy as np
+
+from sphmctl.motion import JOINT_NAMES, Floats
+from sphmctl.planner.blocks import Block
+from sphmctl.planner.sampling import Samples
+from sphmctl.planner.timing import Trapezoid
+from sphmctl.planner.way import Way
+from sphmctl.robots import kr6
+
+REST = "rest"
+"""What the path itself asks for by `dwell_s`; beside it the labels of `timelaw.LABELS`."""
+
+ALL = 0.99
+"""From this share on a limit is used up; what is asked for between a block's rows may be less."""
+
+NO_TIME_S = 1e-9
+"""Shorter is rounding."""
+
+Shares = tuple[tuple[str, float], ...]
+
+
+def shares(times: Iterable[tuple[str, float]]) -> Shares:
+    """Each label's share of all the time, the most first; none where there is no time."""
+    found: dict[str, float] = {}
+    for label, time_s in times:
+        found[label] = found.get(label, 0.0) + time_s
+    total_s = sum(time_s for time_s in found.values() if time_s > NO_TIME_S)
+    order = sorted(found.items(), key=lambda item: -item[1])
+    return tuple((label, time_s / total_s) for label, time_s in order if time_s > NO_TIME_S)
+
+
+def stop_shares(blocks: list[Block], scale: float) -> Shares:
+    """How much of the time each limit rules, as the arm's controller drives the blocks."""
+    times = []
+    for block in blocks:
+        cruise, ramps = _rules(block, scale)
+        ramps_s = 2.0 * block.law.ramp_s if isinstance(block.law, Trapezoid) else block.duration_s
+        times += [(ramps, ramps_s), (cruise, block.duration_s - ramps_s)]
+    return shares(times)
+
+
+def stop_binding(blocks: list[Block], rows: Samples, scale: float) -> tuple[str, ...]:
+    """What rules each row, as the arm's controller drives the blocks."""
+    found = [REST] if not blocks else []
+    begin_s, begin = 0.0, 0
+    for block, end in zip(blocks, rows.ends, strict=True):
+        cruise, ramps = _rules(block, scale)
+        t, law = rows.t[begin : end + 1] - begin_s, block.law
+        ramp_s = law.ramp_s if isinstance(law, Trapezoid) else np.inf
+        cruising = (t > ramp_s) & (t < block.duration_s - ramp_s)
+        found += [cruise if steady else ramps for steady in cruising.tolist()]
+        begin_s, begin = begin_s + block.duration_s, end + 1
+    return tuple(found)
+
+
+def _rules(block: Block, scale: float) -> tuple[str, str]:
+    """The limits that rule a block's cruise and its ramps."""
+    law, leg = block.law, block.leg
+    if leg is None or not isinstance(law, Trapezoid):
+        return REST, REST
+    cruise, ramps = law.ruled_by
+    if cruise and ramps:
+        return cruise, ramps
+    ends, _ = leg.at(np.array(block.u))
+    moved = np.abs(ends[1, :6] - ends[0, :6])
+    fast = moved / kr6.MAX_SPEED * law.speed / scale
+    hard = moved / kr6.MAX_ACCELERATION * law.acceleration / scale**2
+    if not ramps:
+        ramps = _joint(hard, "acceleration") or "tool acceleration"
+    if not cruise:
+        cruise = _joint(fast, "speed") or _of_tool(block, leg, law.speed / scale)
+    return cruise, ramps
+
+
+def _joint(share: Floats, kind: str) -> str:
+    """The axis whose machine limit is used up, which the controller caps a block by."""
+    most = int(share.argmax())
+    return f"{JOINT_NAMES[most]} {kind}" if share[most] >= ALL else ""
+
+
+def _of_tool(block: Block, leg: object, speed: float) -> str:
+    """The tool's speed, or what its acceleration leaves of that where the path bends."""
+    if not isinstance(leg, Way) or leg.length_m == 0.0:
+        return "tool speed"
+    begin, end = (share * leg.length_m for share in block.u)
+    inner = leg.s[(leg.s > begin) & (leg.s < end)]
+    wish = leg.contour.speeds(np.concatenate([[begin], inner, [end]]))[0].min()
+    return "tool speed" if speed * (end - begin) >= ALL * wish else "tool acceleration"
+
+
+def asked(blocks: list[Block], rows: Samples, scale: float) -> Floats:
+    """The tool's speed (m/s) and acceleration (m/s2) that each row may have, (n, 2).
+
+    Infinite where the tool follows no path. Where two moves meet, those of the first.
+    """
+    out = np.full((len(rows.t), 2), np.inf)
+    starts = [0, *(end + 1 for end in rows.ends)]
+    runs = [list(run) for _, run in groupby(range(len(blocks)), key=lambda i: id(blocks[i].leg))]
+    for run in runs:
+        leg = blocks[run[0]].leg
+        if isinstance(leg, Way) and leg.length_m > 0.0:
+            part = slice(starts[run[0]], starts[run[-1] + 1])
+            speed, acceleration = leg.contour.speeds(rows.u[part] * leg.length_m)
+            out[part] = np.stack([speed * scale, acceleration * scale**2], axis=1)
+    return out
