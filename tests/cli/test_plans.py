@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -256,10 +255,15 @@ def test_the_optimal_timing_takes_less_along_the_same_path_and_says_what_binds(
     assert "of the time binds: tool speed" in ideal["notes"][-1]
     assert f"as its controller drives {driven['duration_s']:.2f} s" in ideal["notes"][-1]
     for name in ("driven.csv", "ideal.csv"):
-        rows = list(csv.DictReader((tmp_path / name).open()))
-        knots = [row for row in rows if row["knot"]]
+        knots = [row for row in read_csv(tmp_path / name) if row["knot"]]
         assert len(knots) == ideal["knots"]
     assert told.err.count("Traceback") == 0
+
+
+def test_the_help_says_what_the_jerk_bound_of_the_optimal_timing_costs(sphmctl: Sphmctl) -> None:
+    told = " ".join(sphmctl("plan", "--help").out.replace("│", " ").split())
+    assert "24 ms longer from each rest" in told
+    assert "may last longer than stops" in told
 
 
 def test_a_timing_that_does_not_exist_is_refused(sphmctl: Sphmctl, short: Path) -> None:
