@@ -8,7 +8,7 @@ from sphmctl.config import Cell
 from sphmctl.errors import InfeasibleError, InvalidError, Problem
 from sphmctl.motion import Plan
 from sphmctl.pathfile import Path
-from sphmctl.planner.blocks import Block
+from sphmctl.planner.blocks import SPEED_LIMIT, Block
 from sphmctl.planner.checks import Margin, Surroundings, examine
 from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
@@ -17,8 +17,9 @@ from sphmctl.planner.timelaw import FILTER_S
 from sphmctl.planner.walk import Walker, walks
 
 TIMINGS = ("stops", "optimal")
-"""As the arm's controller drives it, from knot to knot; or as fast as joints and tool allow with
-the jerk bounded, which is what a drive without stops would do."""
+"""As the arm's controller drives it, from knot to knot, with no bound on the jerk; or as fast as
+joints and tool allow with the jerk bounded, which is what a drive without stops would do. The bound
+costs `timelaw.FILTER_S` from each rest to the next: where rests are close, more than the stops."""
 
 PROBLEM_LIMIT = 20
 """Problems that are told; after these the reader mends and asks again."""
@@ -30,9 +31,6 @@ FINER = (1, 5, 20)
 """Rows to each usual one, tried while the quickest law breaks a limit between them: a sampled curve
 turns at each of its points within a few rows."""
 
-SPEED_LIMIT = 1.5
-"""Highest share of a path's own speed, as the override of the tools people know."""
-
 
 @dataclass(frozen=True)
 class Made:
@@ -41,7 +39,7 @@ class Made:
     Attributes:
         rows: the plan's rows, with their blocks.
         margins: how near the path comes to bodies, singular poses and the servos' load.
-        driven_s: what the arm's controller takes, which stops at every knot.
+        driven_s: what the arm's controller takes, which stops at every knot; None if it cannot.
         optimum: the quickest law in words; "" where it was not asked for.
         binding: what rules each row, one of `timelaw.LABELS`; None for the controller's timing.
     """
@@ -49,7 +47,7 @@ class Made:
     plan: Plan
     rows: Samples
     margins: tuple[Margin, ...]
-    driven_s: float
+    driven_s: float | None
     optimum: str
     binding: tuple[str, ...] | None
 
@@ -130,21 +128,20 @@ def _timed(
 ) -> Outcome:
     """Time and check what was walked."""
     draft, setup, speed = walker.draft, walker.setup, walker.scale
-    if draft.problems or walker.start is None:
-        return Outcome(setup, draft.blocks, _told(draft.problems), None)
+    undrivable = draft.undrivable(speed)
+    problems = draft.problems + (undrivable if timing == "stops" else [])
+    if problems or walker.start is None:
+        return Outcome(setup, draft.blocks, _told(problems), None)
     blocks, fast = draft.blocks, None
     if timing == "optimal":
         answer = ideal(blocks, speed, filter_s)
         if isinstance(answer, Problem):
             return Outcome(setup, blocks, (answer,), None)
         fast, blocks = answer, answer.blocks
-    duration_s = _duration_s(blocks)
-    if duration_s > DURATION_LIMIT_S:
-        message = (
-            f"the plan would last {duration_s:.0f} s; at most {DURATION_LIMIT_S:.0f} s is allowed"
-        )
-        problem = Problem("", "", duration_s, DURATION_LIMIT_S, message)
-        return Outcome(setup, blocks, (problem,), None)
+        if undrivable:
+            blocks = [replace(block, velocity=None, acceleration=None) for block in blocks]
+    if _duration_s(blocks) > DURATION_LIMIT_S:
+        return Outcome(setup, blocks, (_too_long(_duration_s(blocks)),), None)
     rows = sample(blocks, setup, walker.start)
     found = examine(rows.joints, around)
     near = [replace(p.problem, where=where(blocks, rows, p.row)) for p in found.problems]
@@ -152,18 +149,25 @@ def _timed(
     if beyond + near:
         coarse = fast is not None and not near
         return Outcome(setup, blocks, _told(beyond + near), None, coarse)
-    driven_s = _duration_s(draft.blocks)
-    notes = [
-        *draft.notes,
-        f"{len(knots(blocks, rows))} knots in all, each an exact stop of the arm",
-    ]
-    binding = None
+    driven_s = None if undrivable else _duration_s(draft.blocks)
+    if undrivable:
+        reason = f"{undrivable[0].where}: {undrivable[0].message}"
+        notes, driven = [], f"its controller cannot drive it ({reason})"
+    else:
+        count = len(knots(blocks, rows))
+        notes = [*draft.notes, f"{count} knots in all, each an exact stop of the arm"]
+        driven = f"as its controller drives {driven_s:.2f} s"
+    optimum, binding = "", None
     if fast is not None:
-        notes.append(f"without stops {fast.summary()}; as its controller drives {driven_s:.2f} s")
-        binding = tuple(fast.binding(rows.t))
+        optimum, binding = fast.summary(), tuple(fast.binding(rows.t))
+        notes.append(f"without stops {optimum}; {driven}")
     made = _made(path, setup, blocks, rows, tuple(notes))
-    optimum = "" if fast is None else fast.summary()
     return Outcome(setup, blocks, (), Made(made, rows, found.margins, driven_s, optimum, binding))
+
+
+def _too_long(duration_s: float) -> Problem:
+    message = f"the plan would last {duration_s:.0f} s; at most {DURATION_LIMIT_S:.0f} s is allowed"
+    return Problem("", "", duration_s, DURATION_LIMIT_S, message)
 
 
 def _duration_s(blocks: list[Block]) -> float:
