@@ -5,7 +5,7 @@ Between two stops the controller drives a straight line of axis space, which is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
@@ -15,6 +15,7 @@ import numpy as np
 from sphmctl.motion import Floats
 from sphmctl.planner.contour import Indices
 from sphmctl.planner.legs import Direct
+from sphmctl.planner.pace import Pace
 from sphmctl.planner.way import SAME_RAD, Way
 from sphmctl.robots import kr6
 from sphmctl.robots.geometry import angle_between, invert
@@ -42,6 +43,9 @@ LEAST_EXCESS = 0.25
 
 Leg: TypeAlias = Way | Direct
 
+Took: TypeAlias = Callable[[int, int], float]
+"""How long the block between two rows takes, s; infinite where nothing drives it."""
+
 
 @dataclass(frozen=True)
 class Split:
@@ -65,7 +69,11 @@ class Split:
     @property
     def excess(self) -> float:
         """The larger error as a share of its tolerance."""
-        return max(self.error_m / TOLERANCE_M, self.turn_rad / TURN_TOLERANCE_RAD)
+        return _excess(self.error_m, self.turn_rad)
+
+
+def _excess(error_m: float, turn_rad: float) -> float:
+    return max(error_m / TOLERANCE_M, turn_rad / TURN_TOLERANCE_RAD)
 
 
 def knot_limit(way: Way) -> int:
@@ -73,12 +81,12 @@ def knot_limit(way: Way) -> int:
     return KNOT_LIMIT + int(1000.0 * way.length_m)
 
 
-def split(way: Way) -> Split | None:
+def split(way: Way, pace: Pace, took_s: Took) -> Split | None:
     """The way in few blocks that keep the tolerances, with a stop at each mark; None: too many."""
     last = len(way.s) - 1
     if way.straight and all(row in (0, last) for _, row in way.marks):
         return _equal(way)
-    return _greedy(way)
+    return _greedy(way, pace, took_s)
 
 
 def _equal(way: Way) -> Split | None:
@@ -98,8 +106,11 @@ def _equal(way: Way) -> Split | None:
     return found
 
 
-def _greedy(way: Way) -> Split | None:
-    """Each block as long as it may be, from the begin on, where bends and straights alternate."""
+def _greedy(way: Way, pace: Pace, took_s: Took) -> Split | None:
+    """Each block as long as it may be, from the begin on, where bends and straights alternate.
+
+    All of a block is driven at the pace of its slowest piece: where a stop takes less, it stops.
+    """
     last = len(way.s) - 1
     targets = sorted({row for _, row in way.marks if row > 0} | {last})
     edges, length, errors = [0], 16, [(0.0, 0.0)]
@@ -107,12 +118,22 @@ def _greedy(way: Way) -> Split | None:
         while edges[-1] < target:
             begin = edges[-1]
             length = _longest(way, begin, target, length)
-            edges.append(begin + length)
+            edges.append(_cut(way, pace, took_s, begin, begin + length))
             errors.append(_chord_errors(way, edges[-2:]))
             if len(edges) > knot_limit(way):
                 return None
     error, turn = (float(worst) for worst in np.max(errors, axis=0))
     return Split(tuple(edges), error, turn)
+
+
+def _cut(way: Way, pace: Pace, took_s: Took, begin: int, end: int) -> int:
+    """Where a block that may run from row to row ends best: there, or earlier at a step of pace."""
+    while (step := pace.best_step(begin, end)) is not None:
+        quicker = took_s(begin, step) + took_s(step, end) < took_s(begin, end)
+        if not quicker or _excess(*_chord_errors(way, (begin, step))) > 1.0:
+            break
+        end = step
+    return end
 
 
 def _longest(way: Way, begin: int, target: int, guess: int) -> int:
@@ -121,8 +142,7 @@ def _longest(way: Way, begin: int, target: int, guess: int) -> int:
     good, bad = 1, most + 1
     count = min(guess, most)
     while bad - good > 1:
-        error, turn = _chord_errors(way, (begin, begin + count))
-        excess = max(error / TOLERANCE_M, turn / TURN_TOLERANCE_RAD)
+        excess = _excess(*_chord_errors(way, (begin, begin + count)))
         if excess <= 1.0:
             good = count
         else:

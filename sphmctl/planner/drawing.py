@@ -40,6 +40,10 @@ SMOOTH_VERTEX_RAD = float(np.radians(20.0))
 ROUNDING_M = 5e-5
 """How far such a rounding may pass beside the point: a tenth of what a path is to keep."""
 
+LEAST_BLEND_M = 1e-5
+"""A smaller blend is none: its corner would be passed at a crawl, below 2 mm/s at 500 mm/s2, and an
+exact stop takes less."""
+
 BLENDED_RAD = float(np.radians(175.0))
 """A corner that turns further turns back, and has no room for a blend."""
 
@@ -152,6 +156,12 @@ def draw(move: Move, begin: Stand, forward: Forward) -> list[Part]:
     return [Part(move, Shape(way, turn), 0.0, way.length_m, cranks, marks, True, pins)]
 
 
+def blend_of(move: Move) -> float:
+    """How far from its corners a move may be rounded, m; 0 for exact stops there."""
+    blend_m = move.blend_mm / 1000.0
+    return blend_m if blend_m >= LEAST_BLEND_M else 0.0
+
+
 def _goal(point: Point, forward: Forward) -> _Goal:
     if point.joints_deg is not None:
         joints = np.radians(point.joints_deg)
@@ -223,7 +233,7 @@ def _polyline(move: Move, rows: Polyline, begin: Stand) -> list[Part]:
         R = R[1:] if len(R) > 1 else R
     if len(R) > 1 and move.orientation.rule == "interpolated":
         _check_turns(move, R)
-    cuts, stops = _corners(xyz, move.blend_mm / 1000.0)
+    cuts, stops = _corners(xyz, blend_of(move))
     edges = [0, *stops, len(xyz) - 1]
     parts: list[Part] = []
     offset, stand = 0.0, Stand(begin.pose.copy(), begin.tangent)

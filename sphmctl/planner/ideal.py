@@ -162,9 +162,8 @@ class _Strip:
                 rows, q, pose = leg.s, leg.joints, leg.pose
                 inner = np.searchsorted(rows, leg.kinks - TINY_M)
                 edges += [count + int(row) for row in inner if 0 < row < len(rows) - 1]
-                middles = (rows[1:] + rows[:-1]) / 2.0
                 if leg.length_m > 0.0:
-                    asked.append(np.stack(leg.contour.speeds(middles)))
+                    asked.append(np.stack(leg.asked))
             first = 0 if not joints else 1
             if first:
                 stops.append(count)

@@ -12,7 +12,15 @@ from sphmctl.motion import Floats
 from sphmctl.pathfile import Move
 from sphmctl.planner.contour import Contour, Span
 from sphmctl.planner.corners import Corner, corner, pose_rate
-from sphmctl.planner.drawing import SPOT_LEAST_M, SPOT_M_RAD, Forward, Part, Stand, draw
+from sphmctl.planner.drawing import (
+    SPOT_LEAST_M,
+    SPOT_M_RAD,
+    Forward,
+    Part,
+    Stand,
+    blend_of,
+    draw,
+)
 from sphmctl.planner.shapes import Shape, Spot
 from sphmctl.planner.spline import Track, chain
 from sphmctl.planner.turning import Between
@@ -129,7 +137,7 @@ class _Outline:
 
     def _blended(self, before: Part, part: Part) -> bool:
         """Whether the corner before a part is to be rounded."""
-        blend = before.last and before.move.blend_mm > 0.0
+        blend = before.last and blend_of(before.move) > 0.0
         if blend:
             try:
                 _check_blend(before, part)

@@ -8,7 +8,7 @@ from sphmctl.config import Cell
 from sphmctl.errors import InfeasibleError, InvalidError, Problem
 from sphmctl.motion import Floats, Knot, Plan
 from sphmctl.pathfile import Path
-from sphmctl.planner.blocks import Block
+from sphmctl.planner.blocks import SPEED_LIMIT, Block
 from sphmctl.planner.checks import Margin, Surroundings, examine
 from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
@@ -18,8 +18,9 @@ from sphmctl.planner.timelaw import FILTER_S
 from sphmctl.planner.walk import Walker, walks
 
 TIMINGS = ("stops", "optimal")
-"""As the arm's controller drives it, from knot to knot; or as fast as joints and tool allow with
-the jerk bounded, which is what a drive without stops would do."""
+"""As the arm's controller drives it, from knot to knot, with no bound on the jerk; or as fast as
+joints and tool allow with the jerk bounded, which is what a drive without stops would do. The bound
+costs `timelaw.FILTER_S` from each rest to the next: where rests are close, more than the stops."""
 
 PROBLEM_LIMIT = 20
 """Problems that are told; after these the reader mends and asks again."""
@@ -31,9 +32,6 @@ FINER = (1, 5, 20)
 """Rows to each usual one, tried while the quickest law breaks a limit between them: a sampled curve
 turns at each of its points within a few rows."""
 
-SPEED_LIMIT = 1.5
-"""Highest share of a path's own speed, as the override of the tools people know."""
-
 
 @dataclass(frozen=True)
 class Made:
@@ -42,7 +40,7 @@ class Made:
     Attributes:
         rows: the plan's rows, with their blocks.
         margins: how near the path comes to bodies, singular poses and the servos' load.
-        driven_s: what the arm's controller takes, which stops at every knot.
+        driven_s: what the arm's controller takes, which stops at every knot; None if it cannot.
         binding: what rules each row, one of `timelaw.LABELS` or `ruling.REST`.
         shares: how much of the time each of these does, the most first.
         asked: the tool's speed (m/s) and acceleration (m/s2) that each row may have, (n, 2).
@@ -51,7 +49,7 @@ class Made:
     plan: Plan
     rows: Samples
     margins: tuple[Margin, ...]
-    driven_s: float
+    driven_s: float | None
     binding: tuple[str, ...]
     shares: Shares
     asked: Floats
@@ -133,21 +131,20 @@ def _timed(
 ) -> Outcome:
     """Time and check what was walked."""
     draft, setup, speed = walker.draft, walker.setup, walker.scale
-    if draft.problems or walker.start is None:
-        return Outcome(setup, draft.blocks, _told(draft.problems), None)
+    undrivable = draft.undrivable(speed)
+    problems = draft.problems + (undrivable if timing == "stops" else [])
+    if problems or walker.start is None:
+        return Outcome(setup, draft.blocks, _told(problems), None)
     blocks, fast = draft.blocks, None
     if timing == "optimal":
         answer = ideal(blocks, speed, filter_s)
         if isinstance(answer, Problem):
             return Outcome(setup, blocks, (answer,), None)
         fast, blocks = answer, answer.blocks
-    duration_s = _duration_s(blocks)
-    if duration_s > DURATION_LIMIT_S:
-        message = (
-            f"the plan would last {duration_s:.0f} s; at most {DURATION_LIMIT_S:.0f} s is allowed"
-        )
-        problem = Problem("", "", duration_s, DURATION_LIMIT_S, message)
-        return Outcome(setup, blocks, (problem,), None)
+        if undrivable:
+            blocks = [replace(block, velocity=None, acceleration=None) for block in blocks]
+    if _duration_s(blocks) > DURATION_LIMIT_S:
+        return Outcome(setup, blocks, (_too_long(_duration_s(blocks)),), None)
     rows = sample(blocks, setup, walker.start)
     found = examine(rows.joints, around)
     near = [replace(p.problem, where=where(blocks, rows, p.row)) for p in found.problems]
@@ -155,14 +152,18 @@ def _timed(
     if beyond + near:
         coarse = fast is not None and not near
         return Outcome(setup, blocks, _told(beyond + near), None, coarse)
-    driven_s = _duration_s(draft.blocks)
+    driven_s = None if undrivable else _duration_s(draft.blocks)
     stops = knots(blocks, rows)
     told = _stops_told(len(stops))
     if fast is None:
         binding, shares = stop_binding(blocks, rows, speed), stop_shares(blocks, speed)
     else:
+        driven = f"as its controller drives {_duration_s(draft.blocks):.2f} s: {told}"
+        if undrivable:
+            reason = f"{undrivable[0].where}: {undrivable[0].message}"
+            driven = f"its controller cannot drive it ({reason})"
+        told = f"without stops {fast.summary()}; {driven}"
         # The quickest law passes the knots: they are none of this plan's stops.
-        told = f"without stops {fast.summary()}; as its controller drives {driven_s:.2f} s: {told}"
         stops = ()
         binding, shares = fast.binding(rows.t), fast.shares()
     made = _made(path, setup, blocks, rows, stops, (*draft.notes, told))
@@ -179,6 +180,11 @@ def _stops_told(count: int) -> str:
     if count == 1:
         return "1 knot in all, an exact stop of the arm"
     return f"{count} knots in all, each an exact stop of the arm"
+
+
+def _too_long(duration_s: float) -> Problem:
+    message = f"the plan would last {duration_s:.0f} s; at most {DURATION_LIMIT_S:.0f} s is allowed"
+    return Problem("", "", duration_s, DURATION_LIMIT_S, message)
 
 
 def _duration_s(blocks: list[Block]) -> float:

@@ -14,6 +14,7 @@ from sphmctl.planner.blocks import Block
 from sphmctl.planner.legs import Setup
 from sphmctl.planner.places import RANGE_TOLERANCE_RAD, joint_problem
 from sphmctl.planner.timing import Slice
+from sphmctl.planner.way import Way
 
 GRID_S = 0.004
 """The arm controller's own step; the servos' cycle is longer."""
@@ -158,27 +159,45 @@ def verify(blocks: list[Block], rows: Samples, setup: Setup, scale: float) -> li
 
 
 def _tool_problems(blocks: list[Block], rows: Samples, scale: float) -> list[Problem]:
-    """The tool's speed and acceleration on lines."""
-    if not blocks:
-        return []
+    """The tool's speed and acceleration, each row against what the path asks for there."""
     kept = _steps(blocks, rows)
-    speed, acceleration = rates(rows.t[kept], rows.tool[kept, :3, 3])
-    straight = np.array([b.leg is not None and b.leg.length_m > 0.0 for b in blocks])
-    allowed = 1000.0 * np.array([b.asked for b in blocks])
+    allowed = _allowed(blocks, rows, kept)
+    # An acceleration spans two steps, and at a knot these may belong to two moves.
+    limits = allowed[:, 0], np.maximum(allowed[1:, 1], allowed[:-1, 1])
     found = []
-    for index, (rate, unit) in enumerate(((speed, "mm/s"), (acceleration, "mm/s2"))):
-        owner = rows.block[kept[index + 1 :]]
+    pairs = zip(rates(rows.t[kept], rows.tool[kept, :3, 3]), limits, strict=True)
+    for power, (rate, limit) in enumerate(pairs, 1):
+        unit = "mm/s" if power == 1 else "mm/s2"
+        if not len(rate):
+            continue
         # Slower plans may ramp up as the path allows at full speed.
-        limit = allowed[owner, index] * max(scale, 1.0) ** (index + 1)
-        value = np.linalg.norm(rate, axis=1) * 1000.0
-        value[~straight[owner]] = 0.0
-        if index == 1:  # an acceleration spans two rows; at a knot these belong to two blocks
-            before = rows.block[kept[1:-1]]
-            limit = np.maximum(limit, allowed[before, 1] * max(scale, 1.0) ** 2)
-            value[~straight[before]] = 0.0
-        row = int((value / limit).argmax()) if len(value) else 0
-        if len(value) and value[row] > limit[row] * RATE_TOLERANCE:
-            message = f"the tool would reach {value[row]:.6g} {unit}; {limit[row]:.6g} is asked for"
+        wanted = 1000.0 * limit * max(scale, 1.0) ** power
+        value = 1000.0 * np.linalg.norm(rate, axis=1)
+        row = int((value / wanted).argmax())
+        if value[row] > wanted[row] * RATE_TOLERANCE:
+            reached, most = float(value[row]), float(wanted[row])
+            message = f"the tool would reach {reached:.6g} {unit}; {most:.6g} is asked for"
             here = where(blocks, rows, int(kept[row + 1]))
-            found.append(Problem(here, "tool", float(value[row]), float(limit[row]), message))
+            found.append(Problem(here, "tool", reached, most, message))
     return found
+
+
+def _allowed(blocks: list[Block], rows: Samples, kept: NDArray[np.int64]) -> Floats:
+    """Tool speed (m/s) and acceleration (m/s2), (n - 1, 2), allowed between the kept rows (n,).
+
+    Where a step passes from one move into the next, the more generous of the two counts; where the
+    tool follows no path, nothing is asked for.
+    """
+    out = np.full((max(len(kept) - 1, 0), 2), np.inf)
+    owner = rows.block[kept[1:]]
+    for _, group in groupby(range(len(blocks)), key=lambda index: id(blocks[index].leg)):
+        members = list(group)
+        leg = blocks[members[0]].leg
+        if not isinstance(leg, Way) or leg.length_m == 0.0:
+            continue
+        low, high = np.searchsorted(owner, [members[0], members[-1] + 1])
+        s = rows.u[kept[low : high + 1]] * leg.length_m
+        s[0] = 0.0  # that row ended the leg before
+        asked = np.stack(leg.contour.speeds(s), axis=1)
+        out[low:high] = np.maximum(asked[1:], asked[:-1])
+    return out

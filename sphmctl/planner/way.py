@@ -104,8 +104,8 @@ class Way:
 
     @cached_property
     def asked(self) -> tuple[Floats, Floats]:
-        """Tool speed (m/s) and acceleration (m/s2) asked for at the rows, each (n,)."""
-        return self.contour.speeds(self.s)
+        """Tool speed (m/s) and acceleration (m/s2) asked for between the rows, each (n - 1,)."""
+        return self.contour.speeds((self.s[1:] + self.s[:-1]) / 2.0)
 
     @cached_property
     def on_flange(self) -> Floats:

@@ -319,6 +319,12 @@ def test_a_path_of_one_point_is_told_without_stops(sphmctl: Sphmctl, tmp_path: P
     assert sphmctl("plan", path, "--out", "a.csv", "--json").document["binding"] == []
 
 
+def test_the_help_says_what_the_jerk_bound_of_the_optimal_timing_costs(sphmctl: Sphmctl) -> None:
+    told = " ".join(sphmctl("plan", "--help").out.replace("│", " ").split())
+    assert "24 ms longer from each rest" in told
+    assert "may last longer than stops" in told
+
+
 def test_a_timing_that_does_not_exist_is_refused(sphmctl: Sphmctl, short: Path) -> None:
     told = sphmctl("plan", short, "--out", "plan.csv", "--timing", "best", "--json")
     assert told.code == 2

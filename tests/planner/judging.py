@@ -91,7 +91,7 @@ def judge(drawn: Drawing, path: Path, outcome: Outcome) -> Verdict:
     assert outcome.made is not None
     assert smooth.made is not None, smooth.problems
     free, rows = outcome.made.rows, smooth.made.rows
-    uses = [_uses(r, outcome) for r in (free, rows)]
+    uses = [_uses(r, outcome, path) for r in (free, rows)]
     low, high = outcome.setup.ranges.T
     beyond = np.degrees(np.maximum(low - free.joints, free.joints - high).max())
     reached = sphm.forward(free.joints, PEN)
@@ -115,12 +115,13 @@ def judge(drawn: Drawing, path: Path, outcome: Outcome) -> Verdict:
     )
 
 
-def _uses(rows: Samples, outcome: Outcome) -> Floats:
+def _uses(rows: Samples, outcome: Outcome, path: Path) -> Floats:
     """Largest shares: joint speed and acceleration, tool speed and acceleration, every 4 ms.
 
     Rows between two instants of the controller are of knots that are passed without a stop.
     """
-    asked = np.min([b.asked for b in outcome.blocks], axis=0)
+    speeds = [move.speed for move in path.moves]
+    asked = np.array([[v.tcp_mm_s, v.tcp_mm_s2] for v in speeds]).min(axis=0) / 1000.0
     kept = np.abs(rows.t / STEP_S - np.round(rows.t / STEP_S)) < 1e-6
     found = []
     for values in (rows.joints[kept], rows.tool[kept, :3, 3]):
