@@ -99,6 +99,19 @@ class Draft:
     creeps: list[Creep] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def refusals(self) -> list[Problem]:
+        """Why the arm's controller cannot drive it, at any speed."""
+        return self.problems + self.too_many
+
+    def extend(self, other: Draft) -> None:
+        """Add what another one collected after this one."""
+        self.blocks += other.blocks
+        self.problems += other.problems
+        self.too_many += other.too_many
+        self.creeps += other.creeps
+        self.notes += other.notes
+
     def undrivable(self, scale: float) -> list[Problem]:
         """Why the arm's controller cannot drive it at a share of the path's own speed."""
         if not self.creeps:

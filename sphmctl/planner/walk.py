@@ -117,21 +117,19 @@ class Walker:
         name = contour.marks[-1][0] if contour.marks else ""
         ways = self._ways(contour, name)
         draft, joints = self._driven(next(ways))
-        reason = draft.problems[0].message if draft.problems else ""
+        reason = draft.refusals[0].message if draft.refusals else ""
         for tried, steps in enumerate(ways):
             other, arrived = self._driven(steps)
             if _duration_s(draft) > SLOWER * _duration_s(other):
                 draft, joints = other, arrived
-            if not draft.problems:
+            if not draft.refusals:
                 if tried > 0:
                     told = (
                         f"{_title(steps[-1], self.name)}: the wrist goes to another heave first; "
                     )
                     draft.notes.append(f"{told}from where it is {reason}")
                 break
-        self.draft.blocks += draft.blocks
-        self.draft.problems += draft.problems
-        self.draft.notes += draft.notes
+        self.draft.extend(draft)
         self._arrive(name, joints, contour.end)
 
     def _ways(self, contour: Contour, name: str) -> Iterator[tuple[Step, ...]]:
@@ -262,7 +260,7 @@ class Walker:
 
 def _duration_s(draft: Draft) -> float:
     """How long the arm's controller takes; for ever where there are problems."""
-    return math.inf if draft.problems else sum(block.duration_s for block in draft.blocks)
+    return math.inf if draft.refusals else sum(block.duration_s for block in draft.blocks)
 
 
 def _steps(spot: Contour | None, whole: Step) -> tuple[Step, ...]:
