@@ -276,7 +276,7 @@ def test_the_outline_holds_what_the_hand_reaches_at_the_ends_of_its_range(
 ) -> None:
     cut = slice_of(FACE, arm_alone())
     q = np.zeros((4000, 6))
-    q[:, 2] = np.linspace(*kr6.RANGES[2], 4000)
+    q[:, 2] = np.linspace(kr6.RANGES[2, 0], kr6.RANGES[2, 1], 4000)
     q[:, 4] = np.radians(limit_deg)
     around = 0.0005 * np.exp(2j * np.pi * np.arange(8) / 8)
     for end in kr6.RANGES[1]:
