@@ -38,7 +38,6 @@ def test_the_arms_map_is_where_its_closed_form_inverse_has_answers() -> None:
         k for k, pair in enumerate(PAIRS) if not {"servos", "legs", "platform", "tool"} & {*pair}
     ]
     free = (clearances(whole.reshape(-1, 9))[:, ours] >= 0.0).all(axis=1).reshape(q.shape[:-1])
-    # One turn of A4 or A6 more looks the same.
     expected = ((np.abs(q[..., 0]) < 1e-9) & free).any(axis=-1)
     # Where the wrist centre is on axis 1, the inverse leaves A1 open and takes 0.
     assert (reached != expected).mean() < 1e-3
