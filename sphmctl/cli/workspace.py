@@ -45,9 +45,7 @@ def workspace(
     ] = None,
     capability: Annotated[
         Path | None,
-        typer.Option(
-            "--map", metavar="FILE", help="Write as CSV what can be pointed where in the plane."
-        ),
+        typer.Option("--map", metavar="FILE", help="Write as CSV which ways can be pointed where."),
     ] = None,
     cell: CellOption = None,
     as_json: JsonOption = False,
@@ -59,6 +57,10 @@ def workspace(
     Beside them stands what the random samples show by themselves: how far they
     get, the cells of 20 mm that they mark, the same of those that collide with
     nothing, and how much that is off (the bias).
+
+    The map has squares of 50 mm: the share of 48 directions in the plane that
+    can be pointed to, how far one may lean from straight down either way, both
+    in poses that touch nothing, and whether a free sample lies there (1 or 0).
 
     The cell gives the joints' ranges, the wrist's mount, tools and obstacles.
 

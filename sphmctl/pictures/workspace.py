@@ -20,7 +20,7 @@ from sphmctl.robots.sphm.workspace import Survey
 from sphmctl.robots.sphm.workspace_capability import Capability, lean, share
 from sphmctl.robots.sphm.workspace_robot import Bools
 from sphmctl.robots.sphm.workspace_sampling import in_space
-from sphmctl.robots.sphm.workspace_slices import Grid, Slice, cells, marked
+from sphmctl.robots.sphm.workspace_slices import Grid, Slice, cells
 
 SPACE_DOTS, PLANE_DOTS = 7000, 8000
 """Samples drawn, those in space less the ones that collide: enough to fill a panel, and a picture
@@ -81,8 +81,8 @@ def picture(survey: Survey, map_: Capability, notes: tuple[str, ...]) -> str:
             _cut("Arm alone: samples and cut", survey, arm, (survey.arm_cut,)),
             _cut("Hybrid: samples and cut", survey, hybrid, (survey.hybrid_cut, survey.arm_cut)),
         ],
-        _maps(survey, map_, arm, hybrid),
-        _leans(survey, map_, arm, hybrid),
+        _maps(survey, map_),
+        _leans(survey, map_),
     ]
     for row in rows:
         for column, panel in enumerate(row):
@@ -181,41 +181,32 @@ def _outline(inside: Bools, grid: Grid, style: str) -> Line:
     return Line(x, y, style)
 
 
-def _maps(survey: Survey, map_: Capability, arm_m: Floats, hybrid_m: Floats) -> list[Panel]:
+def _maps(survey: Survey, map_: Capability) -> list[Panel]:
     """How much of all directions in the plane can be pointed to."""
     panels = []
-    for name, reached, points in (
-        ("Arm alone", map_.arm, arm_m),
-        ("Hybrid", map_.hybrid, hybrid_m),
-    ):
+    for name, reached in (("Arm alone", map_.arm), ("Hybrid", map_.hybrid)):
         value = np.where(reached.any(axis=-1), share(reached), np.nan)
         band = np.minimum(np.floor(value * BANDS), BANDS - 1)
         head = f"{name}: how many of all directions can be pointed to"
         ends = [f"{100 * k // BANDS} to {100 * (k + 1) // BANDS} %" for k in range(BANDS)]
-        panels.append(_mapped(survey, map_.grid, head, band, points, ends))
+        panels.append(_mapped(survey, map_.grid, head, band, ends))
     return panels
 
 
-def _leans(survey: Survey, map_: Capability, arm_m: Floats, hybrid_m: Floats) -> list[Panel]:
+def _leans(survey: Survey, map_: Capability) -> list[Panel]:
     """How far one may lean from straight down."""
     panels = []
-    for name, reached, points in (
-        ("Arm alone", map_.arm, arm_m),
-        ("Hybrid", map_.hybrid, hybrid_m),
-    ):
+    for name, reached in (("Arm alone", map_.arm), ("Hybrid", map_.hybrid)):
         angle = np.degrees(lean(reached))
         band = np.where(np.isnan(angle), np.nan, np.digitize(angle + 1e-9, LEAN_STEPS_DEG) - 1.0)
         head = f"{name}: how far one may lean from straight down"
         ends = [f"{low} to {high}°" for low, high in pairwise((*LEAN_STEPS_DEG, 180))]
-        panels.append(_mapped(survey, map_.grid, head, band, points, ends))
+        panels.append(_mapped(survey, map_.grid, head, band, ends))
     return panels
 
 
-def _mapped(
-    survey: Survey, grid: Grid, head: str, band: Floats, point_m: Floats, names: list[str]
-) -> Panel:
-    """Cells in steps of these names; those without a sample free of collisions stay empty."""
-    band = np.where(marked(point_m, survey.mirrored, grid), band, np.nan)
+def _mapped(survey: Survey, grid: Grid, head: str, band: Floats, names: list[str]) -> Panel:
+    """Cells in steps of these names."""
     lines = []
     for k in range(BANDS):
         column, row = np.nonzero(band == k)

@@ -222,7 +222,9 @@ def test_a_wall_on_one_side_leaves_the_other_side_as_it_was(surveys: dict[Plane,
         (found.hybrid, whole.hybrid, False),
         (found.arm, whole.arm, True),
     ):
+        # Axis 2 is 25 mm before axis 1, so that the arm reaches further to its front.
         np.testing.assert_allclose(ours.horizontal_m[0], all_.horizontal_m[0], atol=1e-7)
+        assert ours.horizontal_m[0] < -(0.050 + (0.931 if arm else 1.043))
         np.testing.assert_allclose(ours.z_m, all_.z_m, atol=1e-7)
         # The platform is 10 mm thick each way about its middle, 7.5 mm behind the tool's point.
         assert 0.495 < ours.horizontal_m[1] < (0.5 if arm else 0.4976)
@@ -276,7 +278,7 @@ def test_the_outline_holds_what_the_hand_reaches_at_the_ends_of_its_range(
 ) -> None:
     cut = slice_of(FACE, arm_alone())
     q = np.zeros((4000, 6))
-    q[:, 2] = np.linspace(*kr6.RANGES[2], 4000)
+    q[:, 2] = np.linspace(kr6.RANGES[2, 0], kr6.RANGES[2, 1], 4000)
     q[:, 4] = np.radians(limit_deg)
     around = 0.0005 * np.exp(2j * np.pi * np.arange(8) / 8)
     for end in kr6.RANGES[1]:

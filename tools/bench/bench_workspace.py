@@ -7,6 +7,9 @@ time stands beside it, and how long the same machine takes for a fixed piece of 
 from __future__ import annotations
 
 import csv
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +31,7 @@ REFERENCE_ROUNDS = 400
 """So many sines of an array of SAMPLES: about as long as the sampling takes."""
 
 TABLES = Path(__file__).parents[2] / "tests" / "vectors" / "workspace_tables3_4.csv"
+CALL = f"sphmctl workspace --samples {SAMPLES} --json"
 COMMAND = "python tools/bench/bench_workspace.py"
 PLANES: tuple[Plane, ...] = ("a1_0", "a1_90")
 
@@ -44,17 +48,29 @@ def timed(call: Callable[[], object]) -> tuple[float, float]:
     return time.perf_counter() - clock_s, time.process_time() - processor_s
 
 
+def command() -> tuple[float, float]:
+    """The same of the command with its start, cuts and extents."""
+    before, clock_s = os.times(), time.perf_counter()
+    subprocess.run([sys.executable, "-m", *CALL.split()], check=True, stdout=subprocess.DEVNULL)
+    clock_s, after = time.perf_counter() - clock_s, os.times()
+    user_s = after.children_user - before.children_user
+    return clock_s, user_s + after.children_system - before.children_system
+
+
 def measure() -> list[Row]:
-    """The sampling's time by the clock and of the processor, as rows of the table."""
+    """The command's and its sampling's time by the clock and of the processor, as table rows."""
     angles = np.random.default_rng(SEED).uniform(-3.0, 3.0, SAMPLES)
     ours = robot()
     clock_s, processor_s = timed(lambda: sample(ours, "a1_0", SAMPLES, SEED, THREADS))
     _, one_s = timed(lambda: sample(ours, "a1_0", SAMPLES, SEED, 1))
     _, sines_s = timed(lambda: [np.sin(angles) for _ in range(REFERENCE_ROUNDS)])
+    whole_s, all_s = command()
     name = f"workspace: {SAMPLES} samples, collisions"
     by_clock = f"{clock_s:.2f} s by the clock, {processor_s:.2f} s of {THREADS} threads"
     sines = f"{sines_s:.2f} s, numpy: {REFERENCE_ROUNDS * SAMPLES:.0e} sines"
+    whole = f"{whole_s:.2f} s by the clock, {all_s:.2f} s of all cores"
     return [
+        Row("workspace: the command", whole, f"{AIM_S:g} s", whole_s / AIM_S, 1.0, CALL),
         Row(name, by_clock, f"{AIM_S:g} s", clock_s / AIM_S, 1.0, COMMAND),
         Row(f"{name}, one thread", f"{one_s:.2f} s", sines, one_s / sines_s, None, COMMAND),
     ]

@@ -1,15 +1,20 @@
-"""Capability map: which ways the tool can point at each place of the plane, arm and hybrid.
+"""Capability map: which ways the tool can point at each place of the plane, touching nothing.
 
 The arm stays in its plane, and so does what it points with: the flange's axis for the arm alone,
 the platform's normal for the hybrid, whose wrist tilts towards leg 1 or away from it. Tools beside
-the platform's axis are taken as if they were on it. Metres and radians.
+the platform's axis are taken as if they were on it. A way counts if one of the poses tried for it,
+with either elbow and either way of A4, is free. Metres and radians.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sphmctl.motion import Floats
 from sphmctl.robots import rrs
@@ -22,7 +27,7 @@ from sphmctl.robots.kr6_model import (
     FOREARM_LENGTH_M,
     UPPER_ARM_M,
 )
-from sphmctl.robots.sphm.workspace_robot import Bools, Plane, Robot
+from sphmctl.robots.sphm.workspace_robot import AXIS_1_RAD, Bools, Plane, Robot
 from sphmctl.robots.sphm.workspace_slices import Grid
 from sphmctl.robots.sphm.wrist_grid import heave_range, steepest_tilt
 
@@ -53,14 +58,38 @@ class Capability:
     hybrid: Bools
 
 
+@dataclass(frozen=True)
+class State:
+    """A pose of the wrist in the arm's plane.
+
+    Attributes:
+        across_m, along_m: the point seen from the wrist centre across the flange's axis, upwards
+            with the arm level, and along it.
+        lean: of the platform's normal from the flange's axis, rad, upwards alike.
+        a6: with A4 at 0, rad; half a turn further with A4 at half a turn.
+        cranks: rad, (3,).
+    """
+
+    across_m: float
+    along_m: float
+    lean: float
+    a6: float
+    cranks: Floats
+
+
 def capability(robot: Robot, plane: Plane, grid: Grid) -> Capability:
-    """The map of a plane; where bodies are in the way is not looked at."""
-    level = np.array([[0.0, FLANGE_M, 0.0]])
-    arm, hybrid = _reached(robot, grid, level), _reached(robot, grid, _wrist_states(robot))
-    if plane == "a1_90":
-        mirrored = (HEADINGS // 2 - np.arange(HEADINGS)) % HEADINGS
-        arm = arm | arm[::-1][:, :, mirrored]
-        hybrid = hybrid | hybrid[::-1][:, :, mirrored]
+    """The map of a plane."""
+    shape = len(grid.horizontal_m), len(grid.z_m), HEADINGS
+    arm, hybrid = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    flange = [State(0.0, FLANGE_M, 0.0, 0.0, robot.ranges[6:, 0])]
+    wrist = _wrist_states(robot)
+    mirrored = robot.mirrored(plane)
+    for axis_1 in AXIS_1_RAD[plane][:1] if mirrored else AXIS_1_RAD[plane]:
+        arm |= _reached(robot, axis_1, grid, flange, 0)
+        hybrid |= _reached(robot, axis_1, grid, wrist, 1)
+    if mirrored:
+        other = (HEADINGS // 2 - np.arange(HEADINGS)) % HEADINGS
+        arm, hybrid = (reached | reached[::-1][:, :, other] for reached in (arm, hybrid))
     return Capability(grid, arm, hybrid)
 
 
@@ -77,9 +106,9 @@ def lean(reached: Bools) -> Floats:
     return np.where(unbroken > 0, (unbroken - 1) * TURN / HEADINGS, np.nan)
 
 
-def _wrist_states(robot: Robot) -> Floats:
-    """Where the point is across and along the flange's axis, and the platform's lean, (n, 3)."""
-    states = []
+def _wrist_states(robot: Robot) -> list[State]:
+    """Tilts and heaves of the hybrid's wrist, each kind once."""
+    states: dict[tuple[float, ...], State] = {}
     for direction in (0.0, np.pi):
         steepest = float(steepest_tilt(direction, robot.ranges[6:]))
         for tilt in np.linspace(0.0, steepest, TILTS + 1):
@@ -88,42 +117,62 @@ def _wrist_states(robot: Robot) -> Floats:
             towards = direction + robot.mount_yaw
             point = robot.hand(np.clip(cranks, *robot.ranges[6:].T))
             across = point[:, 0] * np.cos(towards) + point[:, 1] * np.sin(towards)
-            states += [
-                np.stack([way * across, point[:, 2], np.full(HEAVES, way * tilt)], axis=1)
-                for way in (1.0, -1.0)
-            ]
-    found = np.concatenate(states)
-    return np.unique(found[~np.isnan(found).any(axis=1)], axis=0)
+            # With A4 and A6 at 0 the flange's x axis is downwards.
+            for way, a6 in ((1.0, towards + np.pi), (-1.0, towards)):
+                for k in np.flatnonzero(~np.isnan(across)):
+                    state = State(way * across[k], point[k, 2], way * tilt, a6, cranks[k])
+                    seen = (state.across_m, state.along_m, state.lean)
+                    states.setdefault(tuple(np.round(seen, 9).tolist()), state)
+    return list(states.values())
 
 
-def _reached(robot: Robot, grid: Grid, states: Floats) -> Bools:
-    """Which headings (horizontal, z, HEADINGS) one of the states makes with the arm's help."""
+def _reached(robot: Robot, axis_1: float, grid: Grid, states: list[State], which: int) -> Bools:
+    """Which headings (horizontal, z, HEADINGS) one of the states makes with the arm's help.
+
+    `which` of the collisions count: the arm's, or all.
+    """
     heading = TURN * np.arange(HEADINGS) / HEADINGS
     places = np.meshgrid(grid.horizontal_m, grid.z_m, heading, indexing="ij")
     out = np.zeros(places[0].size, dtype=bool)
-    longest = float(np.hypot(states[:, 0], states[:, 1]).max())
     x, z, heading = (part.ravel() for part in places)
+    if axis_1 > 0.0:  # the arm's forward is -y there
+        x, heading = -x, np.pi - heading
     away = np.hypot(x - AXIS2_FORWARD_M, z - AXIS2_HEIGHT_M)
+    longest = max(float(np.hypot(state.across_m, state.along_m)) for state in states)
     todo = np.flatnonzero(away <= UPPER_ARM_M + FOREARM_LENGTH_M + longest)
-    for across, along, tilt in states:
-        flange = heading[todo] - tilt
-        c, s = np.cos(flange), np.sin(flange)
-        forward = x[todo] - AXIS2_FORWARD_M - along * c + across * s
-        up = z[todo] - AXIS2_HEIGHT_M - along * s - across * c
-        made = _arm_does(robot, forward, up, flange)
-        out[todo[made]] = True
-        todo = todo[~made]
+
+    def look(todo: NDArray[np.int64]) -> None:
+        for state in states:
+            flange = heading[todo] - state.lean
+            c, s = np.cos(flange), np.sin(flange)
+            forward = x[todo] - AXIS2_FORWARD_M - state.along_m * c + state.across_m * s
+            up = z[todo] - AXIS2_HEIGHT_M - state.along_m * s - state.across_m * c
+            for rows, joints in _poses(robot, axis_1, state, forward, up, flange):
+                new = ~out[todo[rows]]
+                rows, joints = rows[new], joints[new]
+                out[todo[rows[~robot.collisions(joints)[which]]]] = True
+            todo = todo[~out[todo]]
+
+    threads = len(os.sched_getaffinity(0))
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(look, (todo[k::threads] for k in range(threads))))
     return out.reshape(places[0].shape)
 
 
-def _arm_does(robot: Robot, forward: Floats, up: Floats, flange: Floats) -> Bools:
-    """Whether the arm holds its wrist centre there, seen from axis 2, with the flange that way."""
+def _poses(
+    robot: Robot, axis_1: float, state: State, forward: Floats, up: Floats, flange: Floats
+) -> Iterator[tuple[NDArray[np.int64], Floats]]:
+    """The rows, and their joints (n, 9), with the wrist centre there and the flange that way.
+
+    Args:
+        forward, up: of the wrist centre, seen from axis 2, (n,).
+        flange: its direction in the plane, upwards, (n,).
+    """
     (low2, high2), (low3, high3) = robot.ranges[1:3]
     square = forward * forward + up * up
     cosine = (square - UPPER_ARM_M**2 - FOREARM_LENGTH_M**2) / (
         2.0 * UPPER_ARM_M * FOREARM_LENGTH_M
     )
-    found = np.zeros(len(flange), dtype=bool)
     rows = np.flatnonzero(np.abs(cosine) <= 1.0)
     bend = np.arccos(cosine[rows])
     lead = np.arctan2(
@@ -137,7 +186,22 @@ def _arm_does(robot: Robot, forward: Floats, up: Floats, flange: Floats) -> Bool
         a3 -= TURN * np.round((a3 - (low3 + high3) / 2.0) / TURN)
         swing = flange[rows] + a2 + a3
         swing -= TURN * np.round(swing / TURN)
-        leans = [(swing >= low) & (swing <= high) for low, high in robot.swings()]
         within = (a2 >= low2) & (a2 <= high2) & (a3 >= low3) & (a3 <= high3)
-        found[rows] |= within & np.logical_or.reduce(leans)
-    return found
+        for a4, low, high in robot.swings():
+            a6 = _turned(state.a6 + a4, *robot.ranges[5].tolist())
+            if a6 is None:
+                continue
+            good = within & (swing >= low) & (swing <= high)
+            joints = np.empty((int(good.sum()), 9))
+            joints[:, [0, 3, 5]] = axis_1, a4, a6
+            joints[:, 1], joints[:, 2] = a2[good], a3[good]
+            joints[:, 4] = -swing[good] if a4 == 0.0 else swing[good]
+            joints[:, 6:] = state.cranks
+            yield rows[good], joints
+
+
+def _turned(angle: float, low: float, high: float) -> float | None:
+    """The angle, by whole turns nearest to the middle of a range; None where that is outside."""
+    middle = (low + high) / 2.0
+    angle -= TURN * round((angle - middle) / TURN)
+    return angle if low <= angle <= high else None

@@ -99,8 +99,8 @@ class Robot:
             return 0.0
         return float(np.pi if high > 0.0 else -np.pi)
 
-    def swings(self) -> list[tuple[float, float]]:
-        """How far the hand may lean from the forearm in the arm's plane, upwards, rad, by A4.
+    def swings(self) -> list[tuple[float, float, float]]:
+        """A4, and how far the hand may lean upwards from the forearm in the arm's plane then, rad.
 
         A5 leans it downwards with A4 at 0, upwards with A4 at half a turn.
         """
@@ -111,7 +111,7 @@ class Robot:
         low5, high5 = (float(angle) for angle in self.ranges[4])
         found = []
         if low4 <= 0.0 <= high4:
-            found.append((-high5, -low5))
+            found.append((0.0, -high5, -low5))
         if low4 <= -np.pi or high4 >= np.pi:
-            found.append((low5, high5))
+            found.append((float(np.pi if high4 >= np.pi else -np.pi), low5, high5))
         return found

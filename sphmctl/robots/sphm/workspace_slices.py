@@ -122,7 +122,7 @@ def slice_of(robot: Robot, hand: Hand) -> Slice:
     distance = np.linspace(ROUNDING, reach_m, DISTANCES)
     low, high = np.full(DISTANCES, np.inf), np.full(DISTANCES, -np.inf)
     for length, aside in zip(hand.length_m.tolist(), hand.aside_rad.tolist(), strict=True):
-        leans = [(a - aside, b + aside) for a, b in robot.swings()]
+        leans = [(a - aside, b + aside) for _, a, b in robot.swings()]
         for elbow in _elbows(robot, distance, length):
             down, up = _angles(distance[:, None], length, elbow, leans)
             low, high = np.minimum(low, down), np.maximum(high, up)
