@@ -12,7 +12,7 @@ from sphmctl.planner.blocks import Block
 from sphmctl.planner.checks import Margin, Surroundings, examine
 from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
-from sphmctl.planner.ruling import Shares, asked, stop_binding, stop_shares
+from sphmctl.planner.ruling import Shares, asked, stop_ruling
 from sphmctl.planner.sampling import Samples, knots, named, sample, verify, where
 from sphmctl.planner.timelaw import FILTER_S
 from sphmctl.planner.walk import Walker, walks
@@ -159,7 +159,7 @@ def _timed(
     stops = knots(blocks, rows)
     told = _stops_told(len(stops))
     if fast is None:
-        binding, shares = stop_binding(blocks, rows, speed), stop_shares(blocks, speed)
+        binding, shares = stop_ruling(blocks, rows, speed)
     else:
         # The quickest law passes the knots: they are none of this plan's stops.
         told = f"without stops {fast.summary()}; as its controller drives {driven_s:.2f} s: {told}"
