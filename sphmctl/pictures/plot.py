@@ -245,8 +245,8 @@ def _margin(plan: Plan, margin: Margin) -> Panel:
 
 def _binding(parts: list[str], y: float, plan: Plan, binding: Binding) -> float:
     """A strip over time in the colour of what rules the motion, and how long each does."""
-    told = enumerate(binding.shares, start=1)
-    colour = {label: min(k, BINDING_COLOURS) for k, (label, _) in told}
+    order = enumerate(binding.shares, start=1)
+    colour = {label: min(k, BINDING_COLOURS) for k, (label, _) in order}
     parts.append(charts.text("head", EDGE, y + 14.0, "What binds"))
     x, width = EDGE + 46.0, WIDTH - 2.0 * EDGE - 58.0
     pixels = np.linspace(0.0, plan.duration_s, int(width) + 1)

@@ -12,7 +12,7 @@ from sphmctl.planner.blocks import SPEED_LIMIT, Block
 from sphmctl.planner.checks import Margin, Surroundings, examine
 from sphmctl.planner.ideal import ideal
 from sphmctl.planner.legs import Setup
-from sphmctl.planner.ruling import Shares, asked, stop_binding, stop_shares
+from sphmctl.planner.ruling import Shares, asked, stop_ruling
 from sphmctl.planner.sampling import Samples, knots, named, sample, verify, where
 from sphmctl.planner.timelaw import FILTER_S
 from sphmctl.planner.walk import Walker, walks
@@ -156,7 +156,7 @@ def _timed(
     stops = knots(blocks, rows)
     told = _stops_told(len(stops))
     if fast is None:
-        binding, shares = stop_binding(blocks, rows, speed), stop_shares(blocks, speed)
+        binding, shares = stop_ruling(blocks, rows, speed)
     else:
         driven = f"as its controller drives {_duration_s(draft.blocks):.2f} s: {told}"
         if undrivable:

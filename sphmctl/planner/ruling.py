@@ -36,45 +36,35 @@ def shares(times: Iterable[tuple[str, float]]) -> Shares:
     return tuple((label, time_s / total_s) for label, time_s in order if time_s > NO_TIME_S)
 
 
-def stop_shares(blocks: list[Block], scale: float) -> Shares:
-    """How much of the time each limit rules, as the arm's controller drives the blocks."""
+def stop_ruling(blocks: list[Block], rows: Samples, scale: float) -> tuple[tuple[str, ...], Shares]:
+    """What rules each row as the arm's controller drives the blocks, and how long each does."""
+    binding = [] if blocks else [REST]
     times = []
-    for block in blocks:
-        cruise, ramps = _rules(block, scale)
-        ramps_s = 2.0 * block.law.ramp_s if isinstance(block.law, Trapezoid) else block.duration_s
-        times += [(ramps, ramps_s), (cruise, block.duration_s - ramps_s)]
-    return shares(times)
-
-
-def stop_binding(blocks: list[Block], rows: Samples, scale: float) -> tuple[str, ...]:
-    """What rules each row, as the arm's controller drives the blocks."""
-    found = [REST] if not blocks else []
     begin_s, begin = 0.0, 0
     for block, end in zip(blocks, rows.ends, strict=True):
-        cruise, ramps = _rules(block, scale)
-        t, law = rows.t[begin : end + 1] - begin_s, block.law
-        ramp_s = law.ramp_s if isinstance(law, Trapezoid) else np.inf
-        cruising = (t > ramp_s) & (t < block.duration_s - ramp_s)
-        found += [cruise if steady else ramps for steady in cruising.tolist()]
-        begin_s, begin = begin_s + block.duration_s, end + 1
-    return tuple(found)
+        moved = rows.joints[end] - rows.joints[max(begin - 1, 0)]
+        cruise, ramps = _rules(block, moved, scale)
+        t, law, duration_s = rows.t[begin : end + 1] - begin_s, block.law, block.duration_s
+        ramp_s = law.ramp_s if isinstance(law, Trapezoid) else duration_s / 2.0
+        cruising = (t > ramp_s) & (t < duration_s - ramp_s)
+        binding += [cruise if steady else ramps for steady in cruising.tolist()]
+        times += [(ramps, 2.0 * ramp_s), (cruise, duration_s - 2.0 * ramp_s)]
+        begin_s, begin = begin_s + duration_s, end + 1
+    return tuple(binding), shares(times)
 
 
-def _rules(block: Block, scale: float) -> tuple[str, str]:
-    """The limits that rule a block's cruise and its ramps."""
+def _rules(block: Block, moved: Floats, scale: float) -> tuple[str, str]:
+    """The limits that rule the cruise and the ramps of a block that moves the joints by so much."""
     law, leg = block.law, block.leg
     if leg is None or not isinstance(law, Trapezoid):
         return REST, REST
     cruise, ramps = law.ruled_by
-    if cruise and ramps:
-        return cruise, ramps
-    ends, _ = leg.at(np.array(block.u))
-    moved = np.abs(ends[1, :6] - ends[0, :6])
-    fast = moved / kr6.MAX_SPEED * law.speed / scale
-    hard = moved / kr6.MAX_ACCELERATION * law.acceleration / scale**2
+    arm = np.abs(moved[:6])
     if not ramps:
+        hard = arm / kr6.MAX_ACCELERATION * law.acceleration / scale**2
         ramps = _joint(hard, "acceleration") or "tool acceleration"
     if not cruise:
+        fast = arm / kr6.MAX_SPEED * law.speed / scale
         cruise = _joint(fast, "speed") or _of_tool(block, leg, law.speed / scale)
     return cruise, ramps
 

@@ -86,3 +86,44 @@ def test_a_path_that_cannot_be_driven_leaves_no_picture(sphmctl: Sphmctl, short:
     short.write_text(PATH.replace("[500, 20", "[1500, 20"))
     assert sphmctl("plan", short, "--plot", "a.svg", "--view", "a.html").code == 4
     assert [path.name for path in short.parent.iterdir()] == ["short.yaml"]
+
+
+@pytest.mark.parametrize("timing", ["stops", "optimal"])
+def test_the_drawing_shows_what_binds_the_tools_speed_and_every_margin(
+    sphmctl: Sphmctl, short: Path, tmp_path: Path, timing: str
+) -> None:
+    cell = tmp_path / "walled.yaml"
+    wall = "obstacles: {planes: {wall: {point_mm: [0, 900, 0], normal: [0, -1, 0]}}}\n"
+    cell.write_text(CELL.replace("limits:", wall + "limits:"))
+    wanted = ("--plot", "a.svg", "--cell", cell, "--timing", timing)
+    assert sphmctl("plan", short, *wanted).code == 0
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    panels = {g.get("aria-label"): g for g in root.iter("{http://www.w3.org/2000/svg}g")}
+    for title in (
+        "Tool speed",
+        "Tool acceleration",
+        "Gap to the robot itself, up to 20 mm",
+        "Gap to obstacles",
+        "Wrist from a parallel singularity",
+        "Wrist from a serial singularity",
+        "A5 from 0",
+        "Elbow from stretched or folded",
+        "Wrist centre from axis 1",
+        "Largest static load of a servo",
+    ):
+        assert panels[title].find("{http://www.w3.org/2000/svg}path") is not None
+    words = " ".join(root.itertext())
+    assert "What binds" in words
+    assert re.search(r"tool acceleration \d+%", words)
+
+
+def test_the_page_names_tool_base_and_walls(sphmctl: Sphmctl, short: Path, tmp_path: Path) -> None:
+    cell = tmp_path / "walled.yaml"
+    wall = "obstacles: {planes: {wall: {point_mm: [0, 900, 0], normal: [0, -1, 0]}}}\n"
+    cell.write_text(CELL.replace("limits:", wall + "limits:"))
+    assert sphmctl("plan", short, "--view", "a.html", "--cell", cell).code == 0
+    page = (tmp_path / "a.html").read_text()
+    assert "Tool octagon_pen in world" in page
+    found = re.search(r'id="plan">(.*?)</script>', page)
+    assert found is not None
+    assert [plane["name"] for plane in json.loads(found[1])["planes"]] == ["wall"]

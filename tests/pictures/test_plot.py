@@ -130,3 +130,73 @@ def test_twenty_labels_are_all_told_inside_the_picture() -> None:
     ]
     assert len(told) == len(names)
     assert max(x + 7.0 * len(words) for x, words in told) <= 1100.0
+
+
+def numbers(panel: ElementTree.Element, style: str) -> list[float]:
+    """An axis' numbers."""
+    ticks = (tick.text or "" for tick in panel.iter(f"{SVG}text") if tick.get("class") == style)
+    return [float(tick.replace("−", "-")) for tick in ticks]
+
+
+def test_every_panel_has_a_scale_on_both_axes_whatever_the_joints_do() -> None:
+    plan = make_plan()
+    for reach in np.geomspace(1e-9, 300.0, 40):
+        joints = plan.joints[0] + np.radians(reach) * np.linspace(-0.3, 0.7, 501)[:, None]
+        svg = plot(replace(plan, joints=joints), LIMITS)
+        for title in JOINT_NAMES:
+            panel = group(svg, title)
+            for style in ("tick end", "tick middle"):
+                assert len(set(numbers(panel, style))) > 1
+
+
+def test_a_path_of_one_point_has_scales_that_people_can_read() -> None:
+    plan = make_plan()
+    one = replace(
+        plan, t=plan.t[:1], joints=plan.joints[:1], tool=plan.tool[:1], knots=(), points=()
+    )
+    svg = plot(one, LIMITS)
+    assert numbers(group(svg, "A1"), "tick middle") == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    assert np.ptp(numbers(group(svg, "Path from the side"), "tick end")) >= 10.0
+    assert "e−" not in svg
+
+
+def test_a_path_along_y_is_seen_from_where_it_shows() -> None:
+    plan = make_plan()
+    tool = np.tile(np.eye(4), (501, 1, 1))
+    tool[:, :3, 3] = [0.56, 0.0, 0.06]
+    tool[:, 1, 3] = np.linspace(-0.12, 0.12, 501)
+    panel = group(plot(replace(plan, tool=tool), LIMITS), "Path from the side")
+    dots = [float(dot.get("cx", "")) for dot in panel.iter(f"{SVG}circle")]
+    assert len(dots) == 2
+    assert abs(dots[0] - dots[1]) > 200.0
+
+
+def test_the_tools_speed_is_drawn_with_what_the_path_asks_for() -> None:
+    plan = make_plan()
+    t_s, speed = figures.tool_rates(plan)[0]
+    way_mm = np.linalg.norm(np.diff(plan.tool[:, :3, 3], axis=0), axis=1).sum() * 1000.0
+    assert np.trapezoid(speed, t_s) == pytest.approx(way_mm, rel=1e-3)
+    asked = np.tile([0.1, np.inf], (501, 1))
+    asked[:100] = np.inf
+    svg = plot(plan, LIMITS, asked=asked)
+    dashed = [
+        [path.get("d") for path in group(svg, title).iter(f"{SVG}path")][1:]
+        for title in ("Tool speed", "Tool acceleration")
+    ]
+    assert len(dashed[0]) == 1  # from a fifth of the time on
+    assert not dashed[1]
+    x = [float(x) for x in re.findall(r"[ML]([\d.]+)", dashed[0][0] or "")]
+    left, right = 46.0, group(svg, "Tool speed").iter(f"{SVG}line")
+    assert min(x) > left + 0.19 * (max(float(line.get("x2", "")) for line in right) - left)
+
+
+def test_rates_pass_over_rows_just_behind_another() -> None:
+    plan = make_plan()
+    t = np.insert(plan.t, 250, plan.t[250] - 1e-4)  # a knot off the grid, joints a little beside
+    knot = plan.joints[250] - 1e-4 / 0.008 * (plan.joints[250] - plan.joints[249])
+    joints = np.insert(plan.joints, 250, knot + 1e-6, axis=0)
+    tool = np.insert(plan.tool, 250, plan.tool[250], axis=0)
+    odd = replace(plan, t=t, joints=joints, tool=tool)
+    _, usual = figures.acceleration_percent(plan, LIMITS)
+    _, found = figures.acceleration_percent(odd, LIMITS)
+    assert found.max() < 2.0 * usual.max()

@@ -16,7 +16,7 @@ from sphmctl.motion import Plan
 from sphmctl.pictures import view
 from sphmctl.robots import sphm
 from sphmctl.robots.geometry import matrix_to_abc, pose_matrix
-from sphmctl.robots.sphm.bodies import Box
+from sphmctl.robots.sphm.bodies import Box, Plane
 from tests.pictures.rig import LIMITS, TOOL, YAW_RAD, browse, console, make_plan
 
 NAMES = ("x", "y", "z", "A", "B", "C")
@@ -105,11 +105,21 @@ def test_buttons_slider_and_keys_do_what_they_say(tmp_path: Path) -> None:
         found.paused = byId("play").getAttribute("aria-pressed");
         document.querySelector('[data-elevation="89"]').click();
         found.top = deg(eye.elevation);
+        byId("time").value = byId("time").max;
+        byId("time").dispatchEvent(new Event("input"));
+        found.last = time;
         found.loaded = performance.getEntriesByType("resource").length;
         return found;
     """
-    found, said = driven(tmp_path, make_page(make_plan()), script)
+    plan = make_plan()
+    odd = replace(plan, t=plan.t * (4.0033 / 4.0))  # no multiple of any step
+    found, said = driven(tmp_path, make_page(odd), script)
     assert said == []
+    assert found["last"] == pytest.approx(4.0033, abs=1e-6)
+    found["end"], found["point"] = (
+        round(found["end"] - 0.0033, 9),
+        round(found["point"] - 0.0033, 9),
+    )
     assert (found["scrubbed"], found["end"], found["home"], found["point"]) == (1.5, 4, 0, 4)
     assert found["turned"] == pytest.approx(0.1)
     assert found["nearer"] == pytest.approx(0.9)
@@ -209,3 +219,51 @@ def test_a_plan_of_one_row_stands_still(tmp_path: Path) -> None:
     told = browse(tmp_path, file, BUDGET, "--dump-dom")
     assert console(told.stderr) == []
     assert table(told.stdout, "joints")["A1"] == pytest.approx(10.0)
+
+
+def test_walls_and_boxes_are_drawn_with_their_names(tmp_path: Path) -> None:
+    script = """
+        let strokes = 0;
+        const stroke = pen.stroke.bind(pen);
+        pen.stroke = () => {
+            if (pen.strokeStyle === colours.obstacle) strokes++;
+            stroke();
+        };
+        const count = () => { strokes = 0; draw(); return strokes; };
+        const names = [], fill = pen.fillText.bind(pen);
+        pen.fillText = (name, x, y) => { names.push(name); fill(name, x, y); };
+        const all = count(), told = [...names];
+        plan.planes = [];
+        const boxes = count();
+        plan.boxes = [];
+        return { all, boxes, none: count(), told };
+    """
+    wall = Plane("wall", np.array([0.0, 0.5, 0.0]), np.array([0.0, -1.0, 0.0]))
+    lid = Plane("lid", np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0]))
+    box = Box("crate", pose_matrix([0.4, 0.0, 0.0], [0.0, 0.0, 0.0]), np.full(3, 0.1))
+    page = make_page(make_plan(), obstacles=[box, wall, lid])
+    found, said = driven(tmp_path, page, script)
+    assert said == []
+    assert found["all"] > found["boxes"] > found["none"] == 0
+    assert found["told"][:3] == ["crate", "wall", "lid"]
+    for plane, data in zip((wall, lid), data_of(page)["planes"], strict=True):
+        u, v = np.array(data["across"])
+        assert [*(u @ plane.normal, v @ plane.normal, u @ v)] == pytest.approx([0.0] * 3)
+        assert (np.array(data["at"]) - plane.point_m) @ plane.normal == pytest.approx(0.0)
+
+
+def test_half_a_turn_is_told_with_one_sign_and_the_frames_by_name(tmp_path: Path) -> None:
+    script = """
+        const turned = (angle) => {
+            plan.base = inverse(turn([1, 0, 0], angle));
+            tell(state(0), I);
+            return byId("pose").rows[5].cells[1].textContent;
+        };
+        return { below: turned(-Math.PI + 1e-7), above: turned(Math.PI - 1e-7), less: turned(-3.1),
+                 caption: byId("pose").parentElement.caption.textContent };
+    """
+    page = make_page(make_plan(), frames=("pen", "table"))
+    found, said = driven(tmp_path, page, script)
+    assert said == []
+    assert (found["below"], found["above"], found["less"]) == ("180.00", "180.00", "−177.62")
+    assert found["caption"] == "Tool pen in table"
