@@ -147,7 +147,10 @@ def _timed(
         return Outcome(setup, blocks, (_too_long(_duration_s(blocks)),), None)
     rows = sample(blocks, setup, walker.start)
     found = examine(rows.joints, around)
-    near = [replace(p.problem, where=where(blocks, rows, p.row)) for p in found.problems]
+    near = [
+        replace(p.problem, where=where(blocks, rows, p.row) if p.row else path.moves[0].where)
+        for p in found.problems
+    ]
     beyond = verify(blocks, rows, setup, speed)
     if beyond + near:
         coarse = fast is not None and not near

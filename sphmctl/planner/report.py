@@ -96,7 +96,7 @@ def _margins(outcome: Outcome, rows: Samples) -> tuple[Margin, ...]:
             *_worst(outcome, rows, -room[:, joint], -1.0, 0),
             *_worst(outcome, rows, np.abs(speed[:, joint]), outcome.setup.speeds[joint], 1),
             *_worst(
-                outcome, rows, np.abs(acceleration[:, joint]), outcome.setup.accelerations[joint], 1
+                outcome, rows, np.abs(acceleration[:, joint]), outcome.setup.accelerations[joint], 0
             ),
         )
         for joint, name in enumerate(JOINT_NAMES)

@@ -111,10 +111,15 @@ def where(blocks: list[Block], rows: Samples, row: int) -> str:
 
 
 def rates(t: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Speeds (n - 1, k) between rows, accelerations (n - 2, k) at inner rows of values (n, k)."""
+    """Speeds (n - 1, k) between rows, accelerations (n, k) at rows of values (n, k).
+
+    A plan begins and ends at rest: a step of the grid before its first row, and one after its last.
+    """
     dt = np.diff(t)[:, None]
     speed = np.diff(values, axis=0) / dt
-    return speed, np.diff(speed, axis=0) / ((dt[1:] + dt[:-1]) / 2.0)
+    rest = np.zeros((1, values.shape[1]))
+    steps = np.vstack([[[GRID_S]], dt, [[GRID_S]]])
+    return speed, np.diff(np.vstack([rest, speed, rest]), axis=0) / ((steps[1:] + steps[:-1]) / 2.0)
 
 
 def _steps(blocks: list[Block], rows: Samples) -> NDArray[np.int64]:
@@ -148,7 +153,7 @@ def verify(blocks: list[Block], rows: Samples, setup: Setup, scale: float) -> li
         for joint in np.flatnonzero((rate > limits * RATE_TOLERANCE).any(axis=0)):
             row = int(rate[:, joint].argmax())
             value, limit = float(rate[row, joint]), float(limits[joint])
-            here = where(blocks, rows, int(kept[row + 1]))
+            here = where(blocks, rows, int(kept[row + (kind == "speed")]))
             found.append(joint_problem(here, int(joint), value, limit, kind))
     apart = np.linalg.norm(setup.tool_pose(rows.joints)[:, :3, 3] - rows.tool[:, :3, 3], axis=1)
     row = int(np.nan_to_num(apart, nan=np.inf).argmax())
@@ -161,15 +166,16 @@ def verify(blocks: list[Block], rows: Samples, setup: Setup, scale: float) -> li
 def _tool_problems(blocks: list[Block], rows: Samples, scale: float) -> list[Problem]:
     """The tool's speed and acceleration, each row against what the path asks for there."""
     kept = _steps(blocks, rows)
+    if len(kept) < 2:
+        return []
     allowed = _allowed(blocks, rows, kept)
     # An acceleration spans two steps, and at a knot these may belong to two moves.
-    limits = allowed[:, 0], np.maximum(allowed[1:, 1], allowed[:-1, 1])
+    around = np.concatenate([allowed[:1, 1], allowed[:, 1], allowed[-1:, 1]])
+    limits = allowed[:, 0], np.maximum(around[1:], around[:-1])
     found = []
     pairs = zip(rates(rows.t[kept], rows.tool[kept, :3, 3]), limits, strict=True)
     for power, (rate, limit) in enumerate(pairs, 1):
         unit = "mm/s" if power == 1 else "mm/s2"
-        if not len(rate):
-            continue
         # Slower plans may ramp up as the path allows at full speed.
         wanted = 1000.0 * limit * max(scale, 1.0) ** power
         value = 1000.0 * np.linalg.norm(rate, axis=1)
@@ -177,7 +183,7 @@ def _tool_problems(blocks: list[Block], rows: Samples, scale: float) -> list[Pro
         if value[row] > wanted[row] * RATE_TOLERANCE:
             reached, most = float(value[row]), float(wanted[row])
             message = f"the tool would reach {reached:.6g} {unit}; {most:.6g} is asked for"
-            here = where(blocks, rows, int(kept[row + 1]))
+            here = where(blocks, rows, int(kept[row + (power == 1)]))
             found.append(Problem(here, "tool", reached, most, message))
     return found
 

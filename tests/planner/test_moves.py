@@ -338,3 +338,16 @@ def test_a_circle_without_length_is_refused(planned: Planner) -> None:
     circle = "  - circle: {centre: [500, 50, 300], normal: [0, 0, 1], turn_deg: 0.001}\n"
     with pytest.raises(InvalidError, match=r"shorter than 0\.001 mm"):
         planned(line("[500, 0, 300, 180, 0, 180]") + circle)
+
+
+def test_a_jump_of_the_cranks_out_of_the_first_rest_is_refused(planned: Planner) -> None:
+    # From the straight legs (heave 86 mm) the cranks would begin with a speed, not from rest.
+    found = problems(
+        planned,
+        "speed: {tcp_mm_s: 1000, tcp_mm_s2: 20000}\n"
+        "wrist: {policy: level, heave_mm: [86, 60]}\nmoves:\n"
+        "  - ptp: {pose: [500, -100, 300, 180, 0, 180]}\n"
+        "  - lin: {pose: [500, 100, 300, 180, 0, 180]}\n",
+    )
+    assert {problem.joint for problem in found} == {"theta7", "theta8", "theta9"}
+    assert all("acceleration" in problem.message for problem in found)
