@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from sphmctl.cli.common import CellOption, JsonOption, cell_of, put, whole_file
-from sphmctl.errors import InvalidError
+from sphmctl.errors import UsageError
 
 INFEASIBLE_EXIT = 4
 
@@ -91,18 +91,21 @@ def plan(
     from contextlib import ExitStack
 
     from sphmctl import pictures, planner
-    from sphmctl.errors import UsageError
-    from sphmctl.pathfile import load_path
+    from sphmctl.pathfile import load_path, sources
 
     files = {"out": out, "plot": plot, "view": view}
     given = [file.resolve() for file in files.values() if file]
     if not given or len(set(given)) < len(given):
-        raise InvalidError("give --out, --plot or --view, each with its own file", "command line")
+        raise UsageError("give --out, --plot or --view, each with its own file", "command line")
     if timing not in planner.TIMINGS:
         raise UsageError(f"{timing!r}: give {' or '.join(planner.TIMINGS)}", "--timing")
     chosen = cell_of(cell)
     percent = chosen.plan_speed_percent if speed is None else speed
     wanted = load_path(path)
+    made_from = {file.resolve() for file in [*sources(wanted).values(), *([cell] if cell else [])]}
+    lost = next((str(file) for file in given if file in made_from), None)
+    if lost is not None:
+        raise UsageError("the plan is made from this file; give another name", lost)
     limits = pictures.Limits(chosen.ranges_rad, chosen.speeds_rad_s, chosen.accelerations_rad_s2)
     with ExitStack() as opened:
         streams = {

@@ -17,7 +17,7 @@ import numpy as np
 from sphmctl.cli.columns import JOINT_COLUMNS, POSE_COLUMNS
 from sphmctl.cli.common import whole_file
 from sphmctl.config import Cell
-from sphmctl.errors import InvalidError
+from sphmctl.errors import InvalidError, UsageError
 from sphmctl.motion import Floats
 from sphmctl.robots import sphm
 from sphmctl.robots.geometry import matrix_to_abc
@@ -60,11 +60,12 @@ def survey(cell: Cell, choice: Choice) -> dict[str, Any]:
     """The command's document; writes the files asked for, each whole or not at all.
 
     Raises:
-        InvalidError: two of them are the same file, one cannot be written, or no such tool.
+        UsageError: two of them are the same file.
+        InvalidError: one cannot be written, or there is no such tool.
     """
     files = [path.resolve() for path in (choice.plot, choice.csv, choice.map) if path]
     if len(set(files)) < len(files):
-        raise InvalidError("give --plot, --csv and --map each its own file", "command line")
+        raise UsageError("give --plot, --csv and --map each its own file", "command line")
     try:
         tool = cell.tool_matrix(choice.tool)
     except InvalidError as problem:

@@ -1,6 +1,6 @@
 """The path file: named points and moves, still in millimetres and degrees; knows no robot."""
 
-from sphmctl.pathfile.inputs import inputs
+from sphmctl.pathfile.inputs import inputs, sources
 from sphmctl.pathfile.model import (
     Arc,
     Circle,
@@ -30,4 +30,5 @@ __all__ = [
     "Wrist",
     "inputs",
     "load_path",
+    "sources",
 ]

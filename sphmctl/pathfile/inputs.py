@@ -20,6 +20,11 @@ def inputs(path: Path) -> dict[str, bytes]:
     Raises:
         InvalidError: a file cannot be read any more.
     """
+    return {name: _read(file) for name, file in sources(path).items()}
+
+
+def sources(path: Path) -> dict[str, FilePath]:
+    """The same files, by the same names."""
     home = FilePath(path.file).parent
     files = {PATH_FILE: FilePath(path.file)}
     for move in path.moves:
@@ -28,7 +33,7 @@ def inputs(path: Path) -> dict[str, bytes]:
             files[PurePath(name).name if name.startswith("..") else name] = FilePath(
                 move.course.file
             )
-    return {name: _read(file) for name, file in files.items()}
+    return files
 
 
 def _read(file: FilePath) -> bytes:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.cli.rig import Sphmctl
+from tests.cli.rig import OCTAGON, Sphmctl
 
 PATH = """\
 version: 1
@@ -77,9 +77,22 @@ def test_no_file_and_one_file_for_two_things_are_refused(
     sphmctl: Sphmctl, short: Path, files: tuple[str, ...]
 ) -> None:
     told = sphmctl("plan", short, *files, "--json")
-    assert told.code == 3
+    assert told.code == 2
     assert "each with its own file" in told.error["message"]
     assert [path.name for path in short.parent.iterdir()] == ["short.yaml"]
+
+
+def test_what_a_plan_is_made_from_is_not_written_over(sphmctl: Sphmctl, tmp_path: Path) -> None:
+    for name in ("polyline.yaml", "polyline.csv"):
+        (tmp_path / name).write_bytes((OCTAGON.parent / name).read_bytes())
+    cell = tmp_path / "lab.yaml"
+    cell.write_bytes((OCTAGON.parents[1] / "cells" / "lab.yaml").read_bytes())
+    for name in ("polyline.yaml", "polyline.csv", "lab.yaml"):
+        before = (tmp_path / name).read_bytes()
+        told = sphmctl("plan", "polyline.yaml", "--cell", cell, "--out", name, "--json")
+        assert told.code == 2
+        assert "give another name" in told.error["message"]
+        assert (tmp_path / name).read_bytes() == before
 
 
 def test_a_path_that_cannot_be_driven_leaves_no_picture(sphmctl: Sphmctl, short: Path) -> None:
