@@ -76,7 +76,7 @@ def _resolve(task: Task, policy: Policy) -> Outcome:
         case Tilt(flange, heave_m):
             return _tilt(task, flange, heave_m)
         case Auto(also):
-            others = (_resolve(task, other) for other in also)
+            others = (_resolve(task, other) for other in (*also, Level(), Tilt()))
             free = FreeFamily.of(rows, task.setup.ranges)
             also_between = _chain(others, _between(task, free))
             return resolve_best(task, free, also_between, _fallback(task))
@@ -121,12 +121,10 @@ def _constant(task: Task, family: Family) -> Iterator[Outcome]:
 
 
 def _fallback(task: Task) -> Iterator[Outcome]:
-    """What the other policies can do without being told more."""
+    """What a wrist that keeps its pose can do."""
     for given in (task.start, task.end):
         if given is not None:
             yield _resolve(task, Fixed(given[6:]))
-    yield _resolve(task, Level())
-    yield _resolve(task, Tilt())
 
 
 def _rows(values: ArrayLike, rows: int, *width: int) -> Floats:

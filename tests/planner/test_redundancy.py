@@ -88,6 +88,16 @@ def test_auto_moves_axes_1_to_3_less_on_the_octagon_and_stays_off_every_limit(
     np.testing.assert_array_equal(good(again, target, setup), q)
 
 
+def test_auto_is_no_dearer_than_level_and_tilt() -> None:
+    target, s_m = LEANING
+    costs = []
+    for policy in (Auto(), Level(), Tilt()):
+        outcome = resolve(target, s_m, policy, SETUP)
+        assert isinstance(outcome, Resolved)
+        costs.append(outcome.cost)
+    assert costs[0] <= min(costs)
+
+
 @pytest.mark.parametrize("path", some(12))
 def test_known_cranks_give_back_the_joints_that_made_the_path(path: Made) -> None:
     outcome = resolve(

@@ -75,8 +75,9 @@ class Auto:
     """The planner chooses arm branch and crank angles together, best along the whole path.
 
     Attributes:
-        also: other policies whose answer is to be considered too: `Auto` is at least as good as
-            each of them, by its own cost, and finds a way where one of them does.
+        also: other policies whose answer is to be considered beside those of `Level` and `Tilt`:
+            `Auto` is at least as good as each of them, by its own cost, and finds a way where one
+            of them does.
     """
 
     also: tuple[Known | Level | Tilt, ...] = ()
