@@ -91,6 +91,7 @@ class Draft:
     Attributes:
         problems: why nothing can drive the path.
         too_many: why the arm's controller cannot, which stops at knots; creeps: likewise.
+        too_fast: some joint cannot follow the rows of a way at any sensible speed.
     """
 
     blocks: list[Block] = field(default_factory=list)
@@ -98,6 +99,7 @@ class Draft:
     too_many: list[Problem] = field(default_factory=list)
     creeps: list[Creep] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    too_fast: bool = False
 
     @property
     def refusals(self) -> list[Problem]:
@@ -111,6 +113,7 @@ class Draft:
         self.too_many += other.too_many
         self.creeps += other.creeps
         self.notes += other.notes
+        self.too_fast = self.too_fast or other.too_fast
 
     def undrivable(self, scale: float) -> list[Problem]:
         """Why the arm's controller cannot drive it at a share of the path's own speed."""
@@ -216,6 +219,7 @@ def _add_block(
     if isinstance(law, TooFast):
         where = leg.where(u[0] + law.w * (u[1] - u[0]))
         draft.problems.append(joint_problem(where, law.joint, law.value, law.limit, law.what))
+        draft.too_fast = True
         return
     full, law, shares = law, law.scaled(scale), _shares(joints)
     if shares is None:

@@ -11,6 +11,8 @@ from tests.planner.many_paths import AUTO_EACH, KINDS, POLICIES
 from tests.planner.witness import feasible
 
 FEW, MANY = 40, 1000
+HARD = (96, 783, 951)
+"""Polylines and a passage whose usual rows are too coarse."""
 
 
 def keeps_everything(seed: int, folder: FilePath) -> None:
@@ -24,13 +26,13 @@ def keeps_everything(seed: int, folder: FilePath) -> None:
     assert verdict.failures() == [], f"{about}\n{drawn.text}"
 
 
-@pytest.mark.parametrize("seed", range(FEW))
+@pytest.mark.parametrize("seed", [*range(FEW), *HARD])
 def test_a_random_path_keeps_its_limits_and_its_time(seed: int, tmp_path: FilePath) -> None:
     keeps_everything(seed, tmp_path)
 
 
 @pytest.mark.many
-@pytest.mark.parametrize("seed", range(FEW, MANY))
+@pytest.mark.parametrize("seed", sorted({*range(FEW, MANY)} - {*HARD}))
 def test_another_random_path_keeps_its_limits_and_its_time(seed: int, tmp_path: FilePath) -> None:
     keeps_everything(seed, tmp_path)
 
