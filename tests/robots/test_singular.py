@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -9,7 +11,7 @@ from numpy.typing import ArrayLike
 from sphmctl.motion import Floats
 from sphmctl.robots import kr6, rrs, rrs_modes
 from sphmctl.robots.geometry import wrap
-from sphmctl.robots.sphm import singular
+from sphmctl.robots.sphm import RANGES9, load, singular
 
 STEP = 1e-6
 MIDDLE = np.radians([60.0, 60.0, 60.0])
@@ -141,3 +143,17 @@ def test_rows_on_which_the_wrist_does_not_close_have_no_margin_and_harm_no_other
     q = with_cranks([[60, 60, 60], [6, 6, 140], [60, 60, 60]])
     assert np.isnan(rrs.forward(q[1, 6:])[0, 0])
     np.testing.assert_array_equal(np.isnan(singular.margins(q).parallel), [False, True, False])
+
+
+def test_rows_that_repeat_the_one_before_give_what_each_gives_alone() -> None:
+    joints = np.random.default_rng(3).uniform(RANGES9[:, 0], RANGES9[:, 1], (6, 9))
+    joints = joints[[0, 0, 1, 2, 2, 2, 1, 3, 4, 4, 5]]
+    joints[:, :6] += np.linspace(0.0, 0.1, len(joints))[:, None]
+    together = singular.margins(joints)
+    alone = [singular.margins(row) for row in joints]
+    for field in fields(together):
+        expected = np.concatenate([getattr(one, field.name) for one in alone])
+        np.testing.assert_allclose(getattr(together, field.name), expected, rtol=1e-12)
+    torques = load.holding_torques(joints, load.Payload(0.1, (0.0, 0.0, 0.02)))
+    one_by_one = [load.holding_torques(row, load.Payload(0.1, (0.0, 0.0, 0.02))) for row in joints]
+    np.testing.assert_allclose(torques, np.concatenate(one_by_one), rtol=1e-9)

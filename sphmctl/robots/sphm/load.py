@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from sphmctl.motion import Floats
 from sphmctl.robots import kr6, rrs
-from sphmctl.robots.sphm.singular import loops
+from sphmctl.robots.sphm.singular import loops, runs
 
 GRAVITY_M_S2 = 9.80665
 """Standard gravity."""
@@ -50,10 +50,11 @@ def holding_torques(joints: ArrayLike, payload: Payload, mount_yaw: float = 0.0)
     up = kr6.forward(q[:, :6])[:, 2, :3]  # the base's z on the flange's axes
     c, s = np.cos(mount_yaw), np.sin(mount_yaw)
     up = np.stack([c * up[:, 0] + s * up[:, 1], c * up[:, 1] - s * up[:, 0], up[:, 2]], axis=1)
+    cranks, run = runs(q[:, 6:])
     mass_kg = PLATFORM_KG + payload.mass_kg
     centre_m = np.asarray(payload.centre_m) * payload.mass_kg / mass_kg
     return np.asarray(
-        mass_kg * GRAVITY_M_S2 * np.einsum("nij,ni->nj", point_jacobian(q[:, 6:], centre_m), up)
+        mass_kg * GRAVITY_M_S2 * np.einsum("nij,ni->nj", point_jacobian(cranks, centre_m)[run], up)
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sphmctl.motion import Floats
 from sphmctl.robots import kr6, rrs
@@ -64,17 +64,27 @@ class Loops:
 def margins(joints: ArrayLike) -> Margins:
     """Distances of joints (n, 9) from singular poses."""
     q = np.atleast_2d(np.asarray(joints, dtype=np.float64))
-    cranks = q[:, 6:]
+    cranks, run = runs(q[:, 6:])
     equations = loops(cranks)
     bend = np.abs(q[:, 2] - FOREARM_ANGLE_RAD)
     centre = kr6.wrist_centre(kr6.forward(q[:, :6]))
     return Margins(
-        _least_singular_value(equations.A) / MIDDLE_VALUE_M2,
-        _from_line(knee_angles(cranks, equations.phi)).min(axis=1),
+        (_least_singular_value(equations.A) / MIDDLE_VALUE_M2)[run],
+        _from_line(knee_angles(cranks, equations.phi)).min(axis=1)[run],
         np.abs(q[:, 4]),
         np.minimum(bend, np.abs(np.pi - bend)),
         np.hypot(centre[:, 0], centre[:, 1]),
     )
+
+
+def runs(rows: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Rows (k, m) without those that repeat the one before; and which of them each was, (n,).
+
+    A wrist that keeps its pose is looked at once.
+    """
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+    return rows[new], np.cumsum(new) - 1
 
 
 def loops(cranks: ArrayLike) -> Loops:
