@@ -80,7 +80,7 @@ def _of_tool(block: Block, leg: object, speed: float) -> str:
     if not isinstance(leg, Way) or leg.length_m == 0.0:
         return "tool speed"
     begin, end = (share * leg.length_m for share in block.u)
-    inner = leg.s[(leg.s > begin) & (leg.s < end)]
+    inner = leg.s[slice(*np.searchsorted(leg.s, [begin, end]))]
     wish = leg.contour.speeds(np.concatenate([[begin], inner, [end]]))[0].min()
     return "tool speed" if speed * (end - begin) >= ALL * wish else "tool acceleration"
 

@@ -66,12 +66,12 @@ class Way:
         """How far the tool point goes."""
         return 0.0 if self.contour.still else self.contour.length_m
 
-    @property
+    @cached_property
     def u(self) -> Floats:
         """Shares of the way, (n,)."""
         return np.asarray(self.s / self.s[-1])
 
-    @property
+    @cached_property
     def straight(self) -> bool:
         """Whether the rows stand at equal steps of one piece."""
         return len(self.contour.edges_m) == 2 and bool(np.ptp(np.diff(self.s)) < 1e-9)
