@@ -119,7 +119,10 @@ def _collisions(gaps: Floats, pairs: tuple[tuple[str, str], ...], what: str) -> 
         ours, other = pairs[column]
         overlap_mm = -1000.0 * float(least[column])
         verb = "reach" if ours in ("servos", "legs") else "reaches"
-        message = f"the {ours} {verb} {overlap_mm:.1f} mm into the {other}; they may only touch"
+        # Bodies are capsules: within a box no more than their radius is measured.
+        message = (
+            f"the {ours} {verb} at least {overlap_mm:.1f} mm into the {other}; to touch is the most"
+        )
         problem = Problem("", "", -overlap_mm, 0.0, message)
         problems.append(RowProblem(int(rows[column]), problem))
     title, nearest = f"gap to {what}", int(least.argmin())

@@ -70,8 +70,8 @@ def test_an_arm_that_reaches_into_a_box_or_through_a_wall_is_refused_by_name() -
     assert margin(clear, "gap to obstacles")[0] > 0.0
     found = examine(rows(aside, EASY_DEG, through), around)
     told = {(one.row, one.problem.message.split(" into the ")[1]) for one in found.problems}
-    assert (1, "post; they may only touch") in told
-    assert (2, "wall; they may only touch") in told
+    assert (1, "post; to touch is the most") in told
+    assert (2, "wall; to touch is the most") in told
     assert margin(found, "gap to obstacles")[0] < 0.0
 
 
