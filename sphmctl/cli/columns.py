@@ -109,7 +109,7 @@ class Columns:
         header = [*self.header, *(name for name in names if name not in self.header)]
         at = [header.index(name) for name in names]
         csv.writer(stream, lineterminator="\n").writerow(header)
-        rows = zip(self.rows, _texts(values), strict=True)
+        rows = zip(self.rows, _tails(values), strict=True)
         if at == list(range(len(self.header), len(header))):
             stream.writelines(f"{row},{tail}\n" for row, tail in rows)
             return
@@ -218,7 +218,7 @@ def _split(row: str) -> list[str]:
     return next(csv.reader(StringIO(row, newline=""), strict=True))
 
 
-def _texts(values: Floats) -> Iterator[str]:
+def _tails(values: Floats) -> Iterator[str]:
     """Each row of numbers (n, k) as fields; empty ones for a row of NaN."""
     count = values.shape[1]
     row = ",".join(["%.12g"] * count)

@@ -190,8 +190,8 @@ def _timed(
     made = _made(path, setup, blocks, rows, stops, (*draft.notes, told))
     tool = asked(blocks, rows, speed)
     slow = fast is not None and driven_s is not None and fast.optimal_s > driven_s
-    told_by = Made(made, rows, found.margins, driven_s, binding, shares, tool)
-    return Outcome(setup, blocks, (), told_by, slow)
+    result = Made(made, rows, found.margins, driven_s, binding, shares, tool)
+    return Outcome(setup, blocks, (), result, slow)
 
 
 def _stops_told(count: int) -> str:

@@ -277,20 +277,7 @@ def test_the_optimal_timing_claims_no_stop_of_the_arm(sphmctl: Sphmctl, tmp_path
     assert counts == {"stops": 34, "optimal": 0}
 
 
-RESTING = """\
-version: 1
-name: resting
-tool: octagon_pen
-speed: {tcp_mm_s: 50, tcp_mm_s2: 200}
-points:
-  A: {pose: [520, 0, 100, 180, 0, 180], cranks_deg: [100, 100, 100]}
-  B: {pose: [500, 20, 100, 180, 0, 180], cranks_deg: [90, 95, 100]}
-moves:
-  - ptp: A
-  - lin: B
-  - dwell_s: 1.5
-  - lin: A
-"""
+RESTING = SHORT.replace("dwell_s: 0.2", "dwell_s: 1.5") + "  - lin: A\n"
 
 
 @pytest.mark.parametrize("timing", ["stops", "optimal"])

@@ -15,19 +15,8 @@ from sphmctl.pathfile import Path, load_path
 from sphmctl.planner import check, plan
 from sphmctl.planner.plan import Made, draw_up
 from sphmctl.planner.sampling import verify
+from tests.planner.test_stops import HEAD
 
-HEAD = """version: 1
-name: test
-tool: octagon_pen
-speed: {tcp_mm_s: 100, tcp_mm_s2: 500}
-wrist: {policy: fixed, cranks_deg: [60, 60, 60]}
-points:
-  P: {pose: [560, 0, 60, 180, 0, 180]}
-  Q: {pose: [560, 100, 60, 180, 0, 180]}
-  R: {pose: [600, 100, 60, 180, 0, 180]}
-moves:
-  - ptp: P
-"""
 SHIPPED = FilePath(__file__).parents[2] / "configs" / "paths"
 Written = Callable[[str], Path]
 
